@@ -1,0 +1,1 @@
+"""mbexport: one robot database, every simulator, one answer."""

@@ -1,0 +1,110 @@
+"""The contract of a physical effect: its table's columns, what it changes in the robot, and its laws.
+
+An effect is one file in this package, or an entry point of the group `mbexport.effects` in any distribution. It is
+a class with
+
+- `name`, `key` and `columns`: the table `effects/<name>.dat` of a database;
+- `apply`: what its rows change in the neutral robot (the default adds its laws to the joint of each row);
+- `laws`: plain functions of numbers that Numba can compile, for what no engine has by itself. They are compiled once
+  and used by every engine, and their source goes verbatim into the scripts that are emitted.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
+
+from ..representation import Drive, Robot, Stage, Term, TermKind
+
+LawFunction = Callable[[Any, float, float, float, float, float, float], float]
+"""law(p, t, theta, dtheta, q, dq, load) -> value. p: the term's parameters, indexable, SI; t [s]; theta, dtheta: motor
+side; q, dq: arm side; load: what the drive passes to the arm [N m or N]. Only arithmetic and the module `math`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of an effect's table.
+
+    Attributes:
+        name: As it stands in the table's header.
+        unit: SI unit; "revolute|prismatic" where it depends on the joint, e.g. "N*m|N"; "" for a plain number.
+        default: Value where the column is missing; None: the column must be there.
+        minimum, maximum: Bounds of what is possible.
+        exclusive: The bounds themselves are excluded.
+        infinite: inf is a value.
+    """
+
+    name: str
+    unit: str = ""
+    default: float | None = None
+    minimum: float = -math.inf
+    maximum: float = math.inf
+    exclusive: bool = False
+    infinite: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A function of an effect and what its value means (see `representation.Term.kind`)."""
+
+    kind: TermKind
+    function: LawFunction
+
+    @property
+    def name(self) -> str:
+        """Name by which a Term finds it."""
+        return self.function.__name__
+
+
+@dataclass(frozen=True, slots=True)
+class EffectRow:
+    """One row of an effect's table.
+
+    Attributes:
+        at: Number of the joint or arm, from 1; 0 for the robot.
+        values: Column name to value, SI, every column of the effect present.
+    """
+
+    at: int
+    values: Mapping[str, float]
+
+
+class Effect(ABC):
+    """Base of every effect; see the module's text."""
+
+    name: ClassVar[str]
+    key: ClassVar[Literal["joint", "arm", "robot"]]
+    columns: ClassVar[tuple[Column, ...]]
+    laws: ClassVar[tuple[Law, ...]] = ()
+
+    def check(self, values: Mapping[str, float]) -> str | None:
+        """What is wrong with a row beyond its columns' bounds, as a sentence; None where nothing is."""
+        return None
+
+    def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
+        """The robot with this effect at the rows' places. Default: each row's values become each law's parameters.
+
+        Args:
+            robot: The robot so far; effects are applied in the order of their names within a phase.
+            rows: This effect's rows.
+        """
+        for row in rows:
+            parameters = tuple(row.values[column.name] for column in self.columns)
+            terms = tuple(Term(self.name, law.name, law.kind, parameters) for law in self.laws)
+            robot = with_drive(robot, row.at, lambda drive, new=terms: replace(drive, terms=drive.terms + new))
+        return robot
+
+
+def with_stage(robot: Robot, at: int, change: Callable[[Stage], Stage]) -> Robot:
+    """The robot with the stage of number `at` (from 1) changed."""
+    stages = list(robot.stages)
+    stages[at - 1] = change(stages[at - 1])
+    return replace(robot, stages=tuple(stages))
+
+
+def with_drive(robot: Robot, at: int, change: Callable[[Drive], Drive]) -> Robot:
+    """The robot with the drive of joint `at` (from 1) changed."""
+    return with_stage(robot, at, lambda stage: replace(stage, drive=change(stage.drive)))

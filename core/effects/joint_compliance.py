@@ -1,0 +1,31 @@
+"""Joint compliance: a torsional spring-damper between motor side and arm."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..representation import Robot, Spring
+from .effect import Column, Effect, EffectRow, with_drive
+
+
+class JointCompliance(Effect):
+    """T = K (theta - q) + b (theta' - q'), equation 5 of IMECE2013-64815 with the torque's reaction on the motor."""
+
+    name = "joint_compliance"
+    key = "joint"
+    columns = (
+        Column("stiffness", "N*m/rad|N/m", minimum=0.0, exclusive=True),
+        Column("damping", "N*m*s/rad|N*s/m", default=0.0, minimum=0.0),
+    )
+
+    def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
+        """Puts the spring into the drive, keeping a clearance that another effect gave it."""
+        for row in rows:
+            k, b = row.values["stiffness"], row.values["damping"]
+            robot = with_drive(
+                robot,
+                row.at,
+                lambda drive, k=k, b=b: replace(drive, spring=Spring(k, b, drive.spring.gap if drive.spring else 0.0)),
+            )
+        return robot

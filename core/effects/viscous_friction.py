@@ -1,0 +1,24 @@
+"""Viscous friction: a torque proportional to the motor side's speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..representation import Robot
+from .effect import Column, Effect, EffectRow, with_drive
+
+
+class ViscousFriction(Effect):
+    """c theta', linear, so that engines take it natively."""
+
+    name = "viscous_friction"
+    key = "joint"
+    columns = (Column("coefficient", "N*m*s/rad|N*s/m", minimum=0.0),)
+
+    def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
+        """Adds the coefficient to the drive's damping."""
+        for row in rows:
+            c = row.values["coefficient"]
+            robot = with_drive(robot, row.at, lambda drive, c=c: replace(drive, damping=drive.damping + c))
+        return robot

@@ -1,0 +1,46 @@
+"""The neutral robot: frozen data, SI, no engine's words."""
+
+from .inertia import Inertia
+from .pose import Pose, Vector3
+from .robot import (
+    TERM_KINDS,
+    Arm,
+    ArmSpring,
+    Drive,
+    FrictionModel,
+    Joint,
+    JointKind,
+    Robot,
+    Sensor,
+    Shape,
+    Slip,
+    Spring,
+    Stage,
+    Stick,
+    Term,
+    TermKind,
+)
+from .veitschegger_wu import VeitscheggerWu
+
+__all__ = [
+    "TERM_KINDS",
+    "Arm",
+    "ArmSpring",
+    "Drive",
+    "FrictionModel",
+    "Inertia",
+    "Joint",
+    "JointKind",
+    "Pose",
+    "Robot",
+    "Sensor",
+    "Shape",
+    "Slip",
+    "Spring",
+    "Stage",
+    "Stick",
+    "Term",
+    "TermKind",
+    "Vector3",
+    "VeitscheggerWu",
+]
