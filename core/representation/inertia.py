@@ -54,7 +54,7 @@ class Inertia:
         return Inertia.from_tensor(self.mass, com, rotation @ self.tensor() @ rotation.T)
 
     def first_moments(self) -> NDArray[np.float64]:
-        """mass times center of mass, shape (3,) [kg m]."""
+        """Mass times center of mass, shape (3,) [kg m]."""
         return self.mass * np.array(self.com)
 
     def tensor_about_origin(self) -> NDArray[np.float64]:

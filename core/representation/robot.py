@@ -141,9 +141,9 @@ class ArmSpring:
 
 @dataclass(frozen=True, slots=True)
 class Stick:
-    """How far a stuck joint gives before it slips: friction = level * clamp(x / displacement + time v / displacement).
+    """Give of a stuck joint: friction = level clamp((x + time dtheta) / displacement, -1, 1).
 
-    x is what theta has moved since it stuck. A bristle as in Haessig and Friedland (1991), slipping exactly at the level.
+    x is what theta has moved since it stuck: a bristle (Haessig and Friedland, 1991) that slips exactly at the level.
 
     Attributes:
         displacement: Give at break-away [rad or m].

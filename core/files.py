@@ -1,0 +1,73 @@
+"""Writing files whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path, PurePosixPath
+
+from .errors import UsageError
+
+
+def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False) -> tuple[Path, ...]:
+    """Write files into a folder; all of them appear, complete, or none does.
+
+    Everything is written beside its place under a hidden name first and moved only when all of it is there.
+
+    Args:
+        folder: Where to; made if it is not there.
+        files: Relative POSIX path to content; text is written as UTF-8 with "\\n".
+        force: Replace files that are there.
+
+    Returns:
+        The paths written, in the order given.
+
+    Raises:
+        UsageError: A file is in the way, a path leaves the folder, or the system refuses to write.
+    """
+    targets: list[tuple[Path, bytes]] = []
+    for name, content in files.items():
+        relative = PurePosixPath(name)
+        if relative.is_absolute() or ".." in relative.parts:
+            raise UsageError(f"{name!r} would be written outside of {folder}; names must stay inside the folder.")
+        targets.append((folder / relative, content.encode("utf-8") if isinstance(content, str) else content))
+    in_the_way = [path for path, _ in targets if path.exists() and (not force or path.is_dir())]
+    if in_the_way:
+        shown = ", ".join(str(path) for path in in_the_way[:3]) + (" ..." if len(in_the_way) > 3 else "")
+        raise UsageError(f"{shown} exists already; choose another place or give --force.")
+    made = _missing_parents([path for path, _ in targets])
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=".mbexport-", dir=folder))
+        try:
+            staged: list[tuple[Path, Path]] = []
+            for number, (path, content) in enumerate(targets):
+                part = staging / str(number)
+                part.write_bytes(content)
+                staged.append((part, path))
+            for part, path in staged:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(part, path)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+    except OSError as error:
+        for path in made:
+            shutil.rmtree(path, ignore_errors=True)
+        raise UsageError(f"cannot write into {folder}: {error.strerror or error}.") from error
+    return tuple(path for path, _ in targets)
+
+
+def _missing_parents(paths: list[Path]) -> list[Path]:
+    """Topmost folders that writing the paths would make."""
+    missing: set[Path] = set()
+    for path in paths:
+        top: Path | None = None
+        for parent in path.parents:
+            if parent.exists():
+                break
+            top = parent
+        if top is not None:
+            missing.add(top)
+    return sorted(missing)
