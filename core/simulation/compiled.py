@@ -1,0 +1,80 @@
+"""The drives' equations compiled by Numba: the kernel once, every law once, joined by function addresses."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+from ..effects import effect_named
+from . import drive_law
+
+
+def _numba(module: str = "") -> Any:
+    """Numba (untyped), loaded when first needed: half a second."""
+    return import_module("numba" + module)
+
+
+@cache
+def _teach_numba() -> None:
+    """Let compiled text call a law by its address, and the kernel's plain helpers as they stand."""
+    ir = import_module("llvmlite.ir")
+    types = _numba().types
+    extending = _numba(".extending")
+
+    def call_address(typing: Any, law: Any, p: Any, t: Any, theta: Any, dtheta: Any, q: Any, dq: Any, load: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            array = context.make_array(signature.args[1])(context, builder, args[1])
+            double = ir.DoubleType()
+            function = ir.FunctionType(double, [array.data.type, *[double] * 6])
+            return builder.call(builder.inttoptr(args[0], function.as_pointer()), [array.data, *args[2:]])
+
+        return types.float64(types.intp, p, *[types.float64] * 6), generate
+
+    call = extending.intrinsic(call_address)
+
+    def law_by_address(law: Any, p: Any, t: Any, theta: Any, dtheta: Any, q: Any, dq: Any, load: Any) -> Any:
+        def implementation(law: Any, p: Any, t: Any, theta: Any, dtheta: Any, q: Any, dq: Any, load: Any) -> Any:
+            return call(law, p, t, theta, dtheta, q, dq, load)
+
+        return implementation if isinstance(law, types.Integer) else None
+
+    # overload wants the very same signature, annotations included
+    law_by_address.__annotations__ = {}
+    extending.overload(drive_law.call_law, strict=False)(law_by_address)
+    as_it_stands(drive_law.transmitted_torque)
+
+
+def as_it_stands(function: Any) -> None:
+    """Let compiled text call a plain helper function."""
+    _numba(".extending").register_jitable(function)
+
+
+def compile_text(function: Any) -> Any:
+    """A plain function compiled, cached on disk between processes."""
+    _teach_numba()
+    return _numba().njit(cache=True)(function)
+
+
+@cache
+def compiled_torques() -> Any:
+    """`drive_law.drive_torques`, compiled; takes a DriveTable whose laws are addresses."""
+    return compile_text(drive_law.drive_torques)
+
+
+def law_function(effect: str, law: str) -> Any:
+    """The plain function of one law of one effect."""
+    return next(entry.function for entry in effect_named(effect).laws if entry.name == law)
+
+
+@cache
+def _compiled_law(effect: str, law: str) -> Any:
+    """One law as a C function double(double *p, double t, theta, dtheta, q, dq, load)."""
+    types = _numba().types
+    signature = types.float64(types.CPointer(types.float64), *[types.float64] * 6)
+    return _numba().cfunc(signature, cache=True)(law_function(effect, law))
+
+
+def law_address(effect: str, law: str) -> int:
+    """Address of the compiled law, good while the process lives."""
+    return int(_compiled_law(effect, law).address)

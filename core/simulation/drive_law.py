@@ -1,0 +1,172 @@
+"""The drives' equations, once for all engines: friction, elasticity and what effects add, at every joint.
+
+This text is plain Python that Numba compiles (`compiled.py`), and that emitted scripts carry verbatim. It knows kinds
+of terms, not effects: the laws come as a list, by functions here or by addresses where compiled.
+
+Motor side: inertia theta'' = gain tau - friction - (1 + de/dtheta) T. Arm side: rigid bodies driven by T + on_arm.
+A rigid joint has theta = q and the motor side's inertia is added to the arm's.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+LEVEL, RESISTANCE, ARM, ERROR, ERROR_SLOPE = 0, 1, 2, 3, 4
+
+
+class DriveTable(NamedTuple):
+    """The drives of a robot as arrays; n joints, m terms sorted by joint, s slip elements.
+
+    Attributes:
+        inertia: Motor-side inertia, shape (n,).
+        elastic: 1 where motor and arm side are two coordinates, shape (n,), int64.
+        stiffness, spring_damping, half_gap: Elastic connection, shape (n,).
+        damping: Linear friction on theta', shape (n,).
+        gain: True motor torque per commanded one, shape (n,).
+        arm_stiffness, arm_rest: Sum of the springs on the arm side, shape (n,).
+        stick_displacement, stick_time: Give of sticking friction; displacement 0 means smooth, shape (n,).
+        smooth_velocity: Velocity of the smooth law's tanh, shape (n,).
+        first: Terms of joint i are first[i] to first[i + 1] - 1, shape (n + 1,), int64.
+        kinds: Kind of each term, shape (m,), int64.
+        laws: Law of each term: its address (compiled) or function, length m.
+        parameters: Parameters of each term, shape (m, 8).
+        slip_first: Slip elements of joint i, as `first`, shape (n + 1,), int64.
+        slip_stiffness, slip_level: shape (s,).
+    """
+
+    inertia: Any
+    elastic: Any
+    stiffness: Any
+    spring_damping: Any
+    half_gap: Any
+    damping: Any
+    gain: Any
+    arm_stiffness: Any
+    arm_rest: Any
+    stick_displacement: Any
+    stick_time: Any
+    smooth_velocity: Any
+    first: Any
+    kinds: Any
+    laws: Any
+    parameters: Any
+    slip_first: Any
+    slip_stiffness: Any
+    slip_level: Any
+
+
+def call_law(law: Any, p: Any, t: float, theta: float, dtheta: float, q: float, dq: float, load: float) -> float:
+    """Value of one law; compiled code replaces this by a call through the law's address."""
+    return law(p, t, theta, dtheta, q, dq, load)
+
+
+def transmitted_torque(stiffness: float, damping: float, half_gap: float, stretch: float, dstretch: float) -> float:
+    """T of a spring-damper with clearance: 0 inside the gap, and beyond it the damper never pulls."""
+    if half_gap == 0.0:
+        return stiffness * stretch + damping * dstretch
+    if stretch > half_gap:
+        return max(stiffness * (stretch - half_gap) + damping * dstretch, 0.0)
+    if stretch < -half_gap:
+        return min(stiffness * (stretch + half_gap) + damping * dstretch, 0.0)
+    return 0.0
+
+
+def drive_torques(
+    table: DriveTable,
+    stick_anchor: Any,
+    slip_anchor: Any,
+    t: float,
+    q: Any,
+    dq: Any,
+    theta: Any,
+    dtheta: Any,
+    load: Any,
+    transmitted: Any,
+    reaction: Any,
+    friction: Any,
+    on_arm: Any,
+    accept: bool,
+) -> None:
+    """Torques of every drive at one state.
+
+    Args:
+        table: The drives.
+        stick_anchor: Where each bristle is fixed [rad or m], shape (n,); moved if `accept`.
+        slip_anchor: Where each slip element's spring is fixed, shape (s,); moved if `accept`.
+        t: Time [s].
+        q: Position of the arm side, shape (n,).
+        dq: Its speed.
+        theta: Position of the motor side, shape (n,); equal to q at rigid joints.
+        dtheta: Its speed.
+        load: Torque that a RIGID joint passes to the arm, for laws that need it, shape (n,).
+        transmitted: Out: T of elastic joints (0 at rigid ones), shape (n,).
+        reaction: Out: (1 + de/dtheta) T on the motor side, shape (n,).
+        friction: Out: friction on the motor side, positive against positive speed, shape (n,).
+        on_arm: Out: torque on the arm beside T, shape (n,).
+        accept: The state is one the integrator has accepted: let what slips slip for good.
+    """
+    for i in range(len(q)):
+        error = 0.0
+        slope = 0.0
+        for k in range(table.first[i], table.first[i + 1]):
+            if table.kinds[k] == ERROR:
+                error += call_law(table.laws[k], table.parameters[k], t, theta[i], dtheta[i], q[i], dq[i], 0.0)
+            elif table.kinds[k] == ERROR_SLOPE:
+                slope += call_law(table.laws[k], table.parameters[k], t, theta[i], dtheta[i], q[i], dq[i], 0.0)
+        passed = load[i]
+        transmitted[i] = 0.0
+        reaction[i] = 0.0
+        if table.elastic[i] == 1:
+            passed = transmitted_torque(
+                table.stiffness[i],
+                table.spring_damping[i],
+                table.half_gap[i],
+                theta[i] + error - q[i],
+                dtheta[i] * (1.0 + slope) - dq[i],
+            )
+            transmitted[i] = passed
+            reaction[i] = (1.0 + slope) * passed
+        level = 0.0
+        resistance = table.damping[i] * dtheta[i]
+        arm = -table.arm_stiffness[i] * (q[i] - table.arm_rest[i])
+        for k in range(table.first[i], table.first[i + 1]):
+            kind = table.kinds[k]
+            if kind in (LEVEL, RESISTANCE, ARM):
+                value = call_law(table.laws[k], table.parameters[k], t, theta[i], dtheta[i], q[i], dq[i], passed)
+                if kind == LEVEL:
+                    level += value
+                elif kind == RESISTANCE:
+                    resistance += value
+                else:
+                    arm += value
+        if level > 0.0:
+            give = table.stick_displacement[i]
+            if give > 0.0:
+                lead = table.stick_time[i] * dtheta[i]
+                bent = (theta[i] - stick_anchor[i] + lead) / give
+                if bent > 1.0:
+                    bent = 1.0
+                    if accept:
+                        stick_anchor[i] = theta[i] + lead - give
+                elif bent < -1.0:
+                    bent = -1.0
+                    if accept:
+                        stick_anchor[i] = theta[i] + lead + give
+                resistance += level * bent
+            else:
+                resistance += level * math.tanh(dtheta[i] / table.smooth_velocity[i])
+        for k in range(table.slip_first[i], table.slip_first[i + 1]):
+            limit = table.slip_level[k]
+            force = table.slip_stiffness[k] * (theta[i] - slip_anchor[k])
+            if force > limit:
+                force = limit
+                if accept:
+                    slip_anchor[k] = theta[i] - limit / table.slip_stiffness[k]
+            elif force < -limit:
+                force = -limit
+                if accept:
+                    slip_anchor[k] = theta[i] + limit / table.slip_stiffness[k]
+            resistance += force
+        friction[i] = resistance
+        on_arm[i] = arm
