@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import tempfile
 from collections.abc import Mapping
@@ -18,7 +17,7 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
 
     Args:
         folder: Where to; made if it is not there.
-        files: Relative POSIX path to content; text is written as UTF-8 with "\\n".
+        files: Relative POSIX path to content; text is written as UTF-8.
         force: Replace files that are there.
 
     Returns:
@@ -49,7 +48,7 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
                 staged.append((part, path))
             for part, path in staged:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(part, path)
+                part.replace(path)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
     except OSError as error:
