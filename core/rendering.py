@@ -6,7 +6,7 @@ import json
 import math
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from xml.sax.saxutils import escape
 
 if TYPE_CHECKING:
@@ -28,10 +28,10 @@ def python_literal(value: Any) -> str:
     if isinstance(value, float):
         return f'float("{value}")' if math.isinf(value) else number(value)
     if isinstance(value, dict):
-        items: dict[Any, Any] = value
+        items = cast("dict[Any, Any]", value)
         return "{" + ", ".join(f"{python_literal(k)}: {python_literal(v)}" for k, v in items.items()) + "}"
     if isinstance(value, list | tuple):
-        parts: list[str] = [python_literal(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+        parts = [python_literal(item) for item in cast("list[Any]", value)]
         text = ", ".join(parts)
         return f"[{text}]" if isinstance(value, list) else f"({text}{',' if len(parts) == 1 else ''})"
     if value is None or isinstance(value, bool | int):

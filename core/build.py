@@ -1,0 +1,143 @@
+"""From a database and a level of complexity to the neutral robot; the one place where they meet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .effects import catalogue, effect_named
+from .errors import UsageError
+from .kinematics import dynamics
+from .representation import Arm, Drive, Robot, Stage, Stick
+from .shapes import draw
+
+if TYPE_CHECKING:
+    from .database import Database
+
+# A stuck joint gives this much before it slips [rad or m]: half of what the database's contract lets it creep.
+STICK_DISPLACEMENT = 5.0e-6
+
+
+def build(database: Database, level: str = "full", effects: Iterable[str] | None = None) -> Robot:
+    """The robot of a database with some of its effects.
+
+    Args:
+        database: As read.
+        level: "full" (all of the database's effects), "rigid" (none), or one of the levels it names.
+        effects: Names of effects instead of a level; each must have a table in the database.
+
+    Raises:
+        UsageError: No such level, or an effect that the database has no table for.
+    """
+    chosen, named = _chosen_effects(database, level, effects)
+    joints = database.joints
+    stages = tuple(
+        Stage(joint, Arm(f"arm_{i + 1}", link, correction, inertia, tuple(visual.shape() for visual in visuals)))
+        for i, (joint, link, correction, inertia, visuals) in enumerate(
+            zip(
+                joints,
+                database.kinematics,
+                database.corrections[1:],
+                database.inertias,
+                database.visuals or ((),) * database.n,
+                strict=True,
+            )
+        )
+    )
+    robot = Robot(
+        name=database.name,
+        gravity=database.gravity,
+        base=database.base.pose(),
+        base_correction=database.corrections[0],
+        stages=stages,
+        tool=database.tool.pose(),
+        friction=database.friction,
+        level=named,
+        effects=chosen,
+        source_hash=database.content_hash(),
+    )
+    for name in chosen:
+        robot = effect_named(name).apply(robot, database.effects[name])
+    return draw(finish_drives(robot, database.dummy_inertia))
+
+
+def _chosen_effects(database: Database, level: str, effects: Iterable[str] | None) -> tuple[tuple[str, ...], str]:
+    """Sorted names of the effects, and the level's name."""
+    tables = tuple(sorted(database.effects))
+    if effects is not None:
+        wanted = sorted(set(effects))
+        for name in wanted:
+            if name not in tables:
+                unknown = name not in catalogue()
+                raise UsageError(
+                    f"effect {name!r} is not installed; installed: {', '.join(catalogue())}."
+                    if unknown
+                    else f"{database.name} has no table for effect {name!r}; it has: {', '.join(tables) or 'none'}."
+                )
+        return tuple(wanted), "custom"
+    known = sorted({"full", "rigid", *database.levels})
+    if level not in known:
+        raise UsageError(f"{database.name} has no level {level!r}; it has: {', '.join(known)}.")
+    return database.level_effects(level), level
+
+
+def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
+    """Give elastic joints without a rotor the paper's dummy part, and what sticks its bristle.
+
+    Args:
+        robot: With all effects applied.
+        dummy_inertia: Fraction of the arm's diagonal mass-matrix entry at home.
+    """
+    needs_dummy = any(stage.drive.spring and stage.drive.inertia == 0.0 for stage in robot.stages)
+    needs_stick = any(_sticks(stage.drive) for stage in robot.stages)
+    if not needs_dummy and not needs_stick:
+        return robot
+    home = np.array(robot.home())
+    arms = dynamics(robot)
+    mass_matrix = arms.mass_matrix(home)
+    notes: list[str] = []
+    stages = list(robot.stages)
+    for i, stage in enumerate(stages):
+        if stage.drive.spring and stage.drive.inertia == 0.0:
+            inertia = dummy_inertia * float(mass_matrix[i, i])
+            stages[i] = replace(stage, drive=replace(stage.drive, inertia=inertia, dummy=True))
+            notes.append(
+                f"{stage.joint.name}: no rotor_inertia, so its motor side is a dummy part of {inertia!r} "
+                f"({dummy_inertia!r} of the arm's diagonal mass-matrix entry at home)"
+            )
+    if needs_stick:
+        rigid = np.array([0.0 if stage.drive.spring else stage.drive.inertia for stage in stages])
+        mobility = np.diag(np.linalg.inv(mass_matrix + np.diag(rigid)))
+        load = np.abs(arms.gravity(home))
+        for i, stage in enumerate(stages):
+            if _sticks(stage.drive):
+                inertia = stage.drive.inertia if stage.drive.spring else 1.0 / float(mobility[i])
+                stick = _bristle(level_at_rest(stage.drive, float(load[i])), inertia)
+                stages[i] = replace(stage, drive=replace(stage.drive, stick=stick))
+    return replace(robot, stages=tuple(stages), notes=robot.notes + tuple(notes))
+
+
+def _sticks(drive: Drive) -> bool:
+    return any(term.kind == "level" for term in drive.terms)
+
+
+def level_at_rest(drive: Drive, load: float) -> float:
+    """Sticking friction's level at rest under a load [N m or N]."""
+    return sum(
+        law.function(term.parameters, 0.0, 0.0, 0.0, 0.0, 0.0, load)
+        for term in drive.terms
+        if term.kind == "level"
+        for law in effect_named(term.effect).laws
+        if law.name == term.law
+    )
+
+
+def _bristle(level: float, inertia: float) -> Stick:
+    """A bristle that gives STICK_DISPLACEMENT at the level, critically damped on an inertia."""
+    if level <= 0.0:
+        return Stick(STICK_DISPLACEMENT, 0.0)
+    return Stick(STICK_DISPLACEMENT, 2.0 * math.sqrt(STICK_DISPLACEMENT * inertia / level))

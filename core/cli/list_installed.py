@@ -1,0 +1,84 @@
+"""mbexport list: what is installed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from .. import plugins
+from ..errors import PluginError
+from .common import json_option, print_json
+
+KINDS = ("backends", "effects", "robots")
+
+
+@click.command("list", epilog="\b\nExample:\n  mbexport list backends")
+@click.argument("what", type=click.Choice(KINDS), required=False)
+@json_option
+def command(what: str | None, as_json: bool) -> None:
+    """Backends, effects and robots; a broken plugin is listed with its reason and breaks nothing else."""
+    tables = {kind: _TABLES[kind]() for kind in (KINDS if what is None else (what,))}
+    if as_json:
+        print_json(tables)
+        return
+    for kind, rows in tables.items():
+        click.echo(f"{kind}:")
+        for row in rows:
+            name, *facts = (str(value) for value in row.values() if value not in (None, ""))
+            click.echo(f"  {name:<20} {'; '.join(facts)}")
+
+
+def _backends() -> list[dict[str, Any]]:
+    from ..simulation.backends import backend_named
+
+    rows: list[dict[str, Any]] = []
+    for report in plugins.report(plugins.BACKENDS):
+        row: dict[str, Any] = {"name": report.name, "distribution": report.distribution}
+        try:
+            backend = backend_named(report.name)
+            row |= {
+                "engine": backend.engine,
+                "version": backend.version(),
+                "integrator": backend.integrator,
+                "order": backend.order,
+                "gate_class": backend.gate_class,
+            }
+        except PluginError as error:
+            row["problem"] = str(error)
+        rows.append(row)
+    return rows
+
+
+def _effects() -> list[dict[str, Any]]:
+    from ..effects import catalogue, effect_named
+
+    rows: list[dict[str, Any]] = []
+    for name in catalogue():
+        try:
+            effect = effect_named(name)
+        except PluginError as error:
+            rows.append({"name": name, "problem": str(error)})
+            continue
+        columns = ", ".join(
+            f"{column.name}[{column.unit or '1'}]" + ("" if column.default is None else f"({column.default!r})")
+            for column in effect.columns
+        )
+        law = (type(effect).__doc__ or "").strip().splitlines()[0]
+        realised = "common law, compiled" if effect.laws else "in the model"
+        rows.append({"name": name, "key": effect.key, "columns": columns, "law": law, "realised": realised})
+    return rows
+
+
+def _robots() -> list[dict[str, Any]]:
+    from ..database import built_in, load
+
+    rows: list[dict[str, Any]] = []
+    for name in built_in():
+        database = load(name)
+        levels = ", ".join(sorted({"full", "rigid", *database.levels}))
+        rows.append({"name": name, "joints": database.n, "levels": levels, "source": database.source})
+    return rows
+
+
+_TABLES = {"backends": _backends, "effects": _effects, "robots": _robots}

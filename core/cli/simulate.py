@@ -1,0 +1,79 @@
+"""mbexport simulate: run a robot in one engine and write what it records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .common import (
+    build_robot,
+    force_option,
+    json_option,
+    level_options,
+    load_database,
+    on_terminal,
+    print_json,
+)
+
+
+@click.command("simulate", epilog="\b\nExample:\n  mbexport simulate imece2013 --backend mjcf --motion greca -o run-01")
+@click.argument("robot", default="imece2013")
+@click.option("--backend", required=True, metavar="NAME", help="urdf (Pinocchio), mjcf (MuJoCo), exudyn, pybullet.")
+@click.option(
+    "--motion", required=True, metavar="NAME", help="A motion of the database, greca, excitation, hold, or a file."
+)
+@level_options
+@click.option(
+    "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
+)
+@click.option("--duration", type=float, metavar="S", help="How long [s] (default: the motion's).")
+@click.option("--rate", type=float, default=1000.0, show_default=True, metavar="HZ", help="Rate of the record.")
+@click.option("--noise", is_flag=True, help="Add the noise that the log.yaml of --control states.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
+@click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the run.")
+@force_option
+@json_option
+def command(
+    robot: str,
+    backend: str,
+    motion: str,
+    level: str | None,
+    with_: str | None,
+    with_effects: Path | None,
+    control: Path | None,
+    duration: float | None,
+    rate: float,
+    noise: bool,
+    seed: int,
+    output: Path,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Run a robot in one engine and write the run: what a simulated robot records."""
+    from ..control import Control, read_control, read_noise
+    from ..errors import UsageError
+    from ..motion import motion_named
+    from ..simulation import simulate
+
+    database = load_database(robot, with_effects)
+    built = build_robot(database, level, with_)
+    law = motion_named(built, motion, database=database)
+    rules = read_control(control, built.n) if control else Control()
+    if noise and control is None:
+        raise UsageError("--noise takes its sizes from the log.yaml of --control; give one.")
+    trace = simulate(built, backend, law, rules, duration=duration, rate=rate, progress=on_terminal())
+    if noise and control is not None:
+        trace = trace.with_noise(read_noise(control, built.n), seed)
+    trace.write(output, force=force)
+    if as_json:
+        print_json({"output": str(output), "warnings": list(trace.warnings), **trace.facts})
+        return
+    for warning in trace.warnings:
+        click.echo(f"warning: {warning}")
+    facts = trace.facts
+    x, y, z = (float(value) for value in trace.tip[-1])
+    click.echo(
+        f"{output}: {len(trace.t)} samples; {facts['engine']} {facts['version']}, {facts['integrator']}, "
+        f"step {facts['step']!r} s; tip at the end {x!r} {y!r} {z!r} m"
+    )

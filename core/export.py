@@ -1,0 +1,121 @@
+"""Emission: a robot to the files of one or more formats, with a report of what each format could say."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import RefusedError
+from .files import write_whole
+from .representation import Robot
+from .simulation.backend import Backend, Emission, Program
+from .simulation.backends import backend_named
+
+if TYPE_CHECKING:
+    from .control import Control
+    from .motion import MotionLaw
+
+# what a script runs by itself where nothing is said [s]
+DEFAULT_DURATION = 1.0
+CONCEPT_SCHEMA = "mbexport-concepts/1"
+
+
+def default_program(robot: Robot, motion: MotionLaw | None = None, control: Control | None = None) -> Program:
+    """What an emitted script runs: the motion imposed, or under a controller; without a motion it holds home."""
+    from .control import Control
+    from .motion import hold
+
+    law = motion or hold(robot.home(), DEFAULT_DURATION)
+    return Program(law, control or Control(), law.duration, 1.0e-3)
+
+
+def export(
+    robot: Robot,
+    backends: Sequence[str],
+    folder: Path | str,
+    *,
+    motion: MotionLaw | None = None,
+    control: Control | None = None,
+    strict: bool = False,
+    force: bool = False,
+) -> dict[str, Emission]:
+    """Emit a robot in several formats; everything is written, or nothing.
+
+    Args:
+        robot: As built.
+        backends: Names of the backends.
+        folder: Where to; with several backends each gets a folder of its name in it.
+        motion: What an emitted script runs by itself; None: it holds home.
+        control: Under which controller; None: the motion is imposed.
+        strict: A datum that a format approximates or cannot say is an error.
+        force: Write over files that are there.
+
+    Returns:
+        What was emitted, by backend.
+
+    Raises:
+        RefusedError: A backend refuses the robot, or `strict` and something is not exact; nothing is written.
+        UsageError: A file is in the way.
+    """
+    emissions = {name: emit(robot, backend_named(name), motion, control) for name in dict.fromkeys(backends)}
+    if strict:
+        _insist_on_exact(emissions)
+    files: dict[str, str] = {}
+    for name, emission in emissions.items():
+        prefix = f"{name}/" if len(emissions) > 1 else ""
+        files.update({prefix + path: text for path, text in emission.files.items()})
+        files[f"{prefix}{robot.name}.concepts.json"] = concept_report(robot, emission)
+    write_whole(Path(folder), files, force=force)
+    return emissions
+
+
+def emit(robot: Robot, backend: Backend, motion: MotionLaw | None = None, control: Control | None = None) -> Emission:
+    """What one backend makes of a robot.
+
+    Raises:
+        RefusedError: It refuses the robot.
+    """
+    program = default_program(robot, motion, control)
+    reason = backend.refusal(robot, None)
+    if reason is not None:
+        raise RefusedError(f"{backend.name} refuses {robot.name}: {reason}")
+    if robot.effects or motion is not None or control is not None:
+        from .simulation.step import choose_step, poses_of
+
+        imposed = program.control.mode == "motion"
+        step = choose_step(robot, backend, imposed=imposed, poses=poses_of(robot, program.motion))
+        program = replace(program, step=step)
+    return backend.emit(robot, program)
+
+
+def concept_report(robot: Robot, emission: Emission) -> str:
+    """What became of every datum, as JSON text."""
+    counts = Counter(concept.status for concept in emission.concepts)
+    report: dict[str, Any] = {
+        "schema": CONCEPT_SCHEMA,
+        "robot": robot.name,
+        "level": robot.level,
+        "effects": list(robot.effects),
+        "source_hash": robot.source_hash,
+        "backend": emission.backend,
+        "main": emission.main,
+        "counts": {status: counts[status] for status in ("exact", "approximated", "impossible")},
+        "notes": list(robot.notes),
+        "concepts": [asdict(concept) for concept in emission.concepts],
+    }
+    return json.dumps(report, indent=1) + "\n"
+
+
+def _insist_on_exact(emissions: dict[str, Emission]) -> None:
+    inexact = [
+        f"  {name}: {concept.datum} at {concept.at} is {concept.status}: {concept.how}"
+        for name, emission in emissions.items()
+        for concept in emission.concepts
+        if concept.status != "exact"
+    ]
+    if inexact:
+        raise RefusedError("--strict, and not everything can be said exactly:\n" + "\n".join(inexact))

@@ -1,0 +1,77 @@
+"""Where a run starts: at rest, in equilibrium under the controller; for an elastic robot, sagged."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..errors import RefusedError
+from ..representation import Robot
+from .backend import Engine, Vector
+
+TOLERANCE = 1.0e-13
+ITERATIONS = 50
+
+
+def arm_load(robot: Robot, engine: Engine, q: Vector) -> Vector:
+    """Torque that the drives must pass to the arms at rest: gravity less the springs on the arm side, shape (n,)."""
+    springs = [
+        sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
+        for stage, x in zip(robot.stages, q, strict=True)
+    ]
+    return engine.gravity(q) + np.array(springs)
+
+
+def sagged(robot: Robot, engine: Engine, theta: Vector) -> Vector:
+    """Arm-side position at rest under gravity with the motor sides held at theta, shape (n,).
+
+    Solves K (theta - q) = g(q) to convergence; the one-shot K^-1 g(theta) is off by up to 1.3 % on the paper's arm.
+
+    Raises:
+        RefusedError: No equilibrium was found (the springs are too soft to hold the robot).
+    """
+    return _equilibrium(robot, engine, theta, np.zeros(robot.n))
+
+
+def settled(robot: Robot, engine: Engine, command: Vector, kp: Vector, feedforward: Vector) -> tuple[Vector, Vector]:
+    """(q, theta) at rest under a proportional controller, shapes (n,).
+
+    Args:
+        robot: At its level.
+        engine: Whose gravity counts.
+        command: Commanded motor-side position (true, without the encoder's offset), shape (n,).
+        kp: Gains in force [N m/rad or N/m], all above 0, shape (n,).
+        feedforward: Torque that the controller adds [N m or N], shape (n,).
+
+    Raises:
+        RefusedError: No equilibrium was found (gains or springs are too soft to hold the robot).
+    """
+    gain = np.array([stage.drive.gain for stage in robot.stages])
+    held = command + feedforward / kp
+    q = _equilibrium(robot, engine, held, 1.0 / (gain * kp))
+    return q, held - arm_load(robot, engine, q) / (gain * kp)
+
+
+def _equilibrium(robot: Robot, engine: Engine, held: Vector, softness: Vector) -> Vector:
+    """The q that solves q = held - (softness + 1/K) load(q), by Newton's method with a difference Jacobian."""
+    give = softness + np.array(
+        [1.0 / stage.drive.spring.stiffness if stage.drive.spring else 0.0 for stage in robot.stages]
+    )
+    q = held - give * arm_load(robot, engine, held)
+    size = 1.0e-6
+    largest = np.inf
+    for _ in range(ITERATIONS):
+        residual = q - held + give * arm_load(robot, engine, q)
+        largest = float(np.max(np.abs(residual)))
+        if largest < TOLERANCE * (1.0 + float(np.max(np.abs(held)))):
+            return q
+        jacobian = np.eye(robot.n)
+        for j in range(robot.n):
+            shift = np.zeros(robot.n)
+            shift[j] = size
+            slope = (arm_load(robot, engine, q + shift) - arm_load(robot, engine, q - shift)) / (2 * size)
+            jacobian[:, j] += give * slope
+        q = q - np.linalg.solve(jacobian, residual)
+    raise RefusedError(
+        f"{robot.name} finds no rest under gravity (residual {largest:.3g} rad or m after "
+        f"{ITERATIONS} iterations): springs or gains are too soft to hold it."
+    )
