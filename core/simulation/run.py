@@ -1,0 +1,373 @@
+"""Running a robot in an engine: imposed motion, or torque under a controller at its own rate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import RefusedError, UsageError
+from ..representation import Robot
+from .backend import Backend, Engine, MachineState, Program, Vector
+from .backends import backend_named
+from .settle import sagged, settled
+from .step import choose_step, poses_of
+from .trace import Trace
+
+if TYPE_CHECKING:
+    from ..control import Control, Controller
+    from ..motion import MotionLaw
+
+DEFAULT_RATE = 1000.0
+# two instants closer than this are one [s]
+INSTANT = 1.0e-9
+
+
+def simulate(
+    robot: Robot,
+    backend: Backend | str,
+    motion: MotionLaw | str,
+    control: Control | None = None,
+    *,
+    duration: float | None = None,
+    rate: float = DEFAULT_RATE,
+    step: float | None = None,
+    start: MachineState | None = None,
+    torque: Vector | None = None,
+    nominal: Robot | None = None,
+    progress: bool = False,
+) -> Trace:
+    """Run a robot and record what a real one would.
+
+    Args:
+        robot: At its level.
+        backend: A backend or its name.
+        motion: Commanded joint motion, or its name ("greca", "excitation", "hold").
+        control: Controller; None imposes the motion on the motor sides.
+        duration: How long [s]; None: the motion's duration.
+        rate: Rate of the record [Hz].
+        step: Integration step [s]; None: chosen from the largest eigenvalue.
+        start: State at t = 0; None: settled (log.md).
+        torque: Mode torque: commanded torque at each tick of the controller [N m or N], shape (ticks, n).
+        nominal: Robot whose rigid bodies the feedforward uses; None: this one.
+        progress: Show a progress bar on standard error.
+
+    Raises:
+        RefusedError: The backend refuses this robot, or the step is unstable.
+        UsageError: Options that do not fit together.
+    """
+    from ..control import Control, Controller
+    from ..motion import motion_named
+
+    engine_backend = backend_named(backend) if isinstance(backend, str) else backend
+    law = motion_named(robot, motion) if isinstance(motion, str) else motion
+    rules = control or Control()
+    length = law.duration if duration is None else duration
+    _check(robot, law, rules, length, rate, torque)
+    imposed = rules.mode == "motion"
+    h = choose_step(robot, engine_backend, imposed=imposed, poses=poses_of(robot, law), step=step)
+    program = Program(law, rules, length, h)
+    engine = engine_backend.engine_for(robot, program)
+    try:
+        times = _record_times(length, rate)
+        # the drives follow what the encoders report
+        offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+        followed = law.shifted(-offsets) if offsets.any() else law
+        with _bar(progress, length) as tell:
+            if imposed and not any(stage.drive.spring for stage in robot.stages):
+                record = _kinematic(robot, engine, followed, times)
+            elif imposed:
+                begin = start or _start_imposed(robot, engine, followed)
+                record = _elastic(robot, engine, followed, times, h, begin, tell)
+            else:
+                controller = Controller(nominal or robot, robot, rules, law, length, torque)
+                begin = start or _start_controlled(robot, engine, followed, rules, controller)
+                record = _controlled(robot, engine, controller, times, h, begin, tell)
+        return _trace(robot, engine_backend, engine, law, rules, times, record, h, program)
+    finally:
+        engine.close()
+
+
+def _check(robot: Robot, law: MotionLaw, control: Control, duration: float, rate: float, torque: Vector | None) -> None:
+    if law.n != robot.n:
+        raise UsageError(f"the motion has {law.n} joints, {robot.name} has {robot.n}.")
+    if not duration > 0.0:
+        raise UsageError(f"duration {duration!r} s: it must be above 0.")
+    if not rate > 0.0:
+        raise UsageError(f"rate {rate!r} Hz: it must be above 0.")
+    if control.mode == "unknown":
+        raise UsageError("control mode unknown cannot be simulated; use motion, pd or torque.")
+    if (control.mode == "torque") != (torque is not None):
+        raise UsageError("control mode torque and a commanded torque go together.")
+
+
+@dataclass(slots=True)
+class _Record:
+    """What is recorded at each time, arrays of shape (m, n): true states and torques."""
+
+    q: Vector
+    dq: Vector
+    theta: Vector
+    dtheta: Vector
+    tau: Vector
+    tau_link: Vector
+
+    @staticmethod
+    def empty(m: int, n: int) -> _Record:
+        return _Record(*(np.zeros((m, n)) for _ in range(6)))
+
+    def put(self, k: int, state: MachineState) -> None:
+        self.q[k], self.dq[k] = state.q, state.dq
+        self.theta[k], self.dtheta[k] = state.theta, state.dtheta
+
+
+def _record_times(duration: float, rate: float) -> Vector:
+    count = int(np.floor(duration * rate + INSTANT * rate)) + 1
+    return np.arange(count) / rate
+
+
+def _motor_inertia(robot: Robot, engine: Engine) -> Vector:
+    """Inertia that a drive feels when its motion is imposed: the rotor's; the paper's dummy part counts 0."""
+    dummy = np.array([stage.drive.dummy for stage in robot.stages])
+    return np.where(dummy, 0.0, engine.motor_inertia())
+
+
+def _kinematic(robot: Robot, engine: Engine, law: MotionLaw, times: Vector) -> _Record:
+    """Rigid joints with imposed motion: nothing to integrate, the drives give what the motion asks."""
+    q, dq, ddq = law.at(times)
+    record = _Record(q, dq, q, dq, np.zeros_like(q), np.zeros_like(q))
+    rotor = _motor_inertia(robot, engine)
+    engine.reset(MachineState(float(times[0]), q[0], dq[0], q[0], dq[0]), law)
+    for k, t in enumerate(times):
+        if k:
+            engine.advance(float(t - times[k - 1]), 1)
+        on_arm, _ = engine.drive_torque(q[k], np.zeros(robot.n), q[k], np.zeros(robot.n))
+        passed = engine.inverse_dynamics(q[k], dq[k], ddq[k]) - on_arm
+        record.tau_link[k] = passed
+        record.tau[k] = passed + rotor * ddq[k] + engine.friction()
+    return record
+
+
+def _start_imposed(robot: Robot, engine: Engine, law: MotionLaw) -> MachineState:
+    """Sagged under gravity, moving with the motor sides if the motion begins moving."""
+    theta, dtheta, _ = (row[0] for row in law.at(np.zeros(1)))
+    return MachineState(0.0, sagged(robot, engine, theta), dtheta.copy(), theta, dtheta)
+
+
+def _elastic(
+    robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: float, begin: MachineState, tell: Any
+) -> _Record:
+    """Motion imposed on the motor sides of elastic joints."""
+    record = _Record.empty(len(times), robot.n)
+    rotor = _motor_inertia(robot, engine)
+    _, _, ddtheta = law.at(times)
+    rigid = np.array([stage.drive.spring is None for stage in robot.stages])
+    engine.reset(begin, law)
+    for k, t in enumerate(times):
+        if k:
+            span = float(t - times[k - 1])
+            engine.advance(span, _steps(span, h))
+            tell(span)
+        state = engine.state()
+        record.put(k, state)
+        transmitted = engine.transmitted()
+        if rigid.any():
+            transmitted = np.where(rigid, _passed_by_rigid(engine, state, ddtheta[k], transmitted, rigid), transmitted)
+        record.tau_link[k] = transmitted
+        record.tau[k] = rotor * ddtheta[k] + engine.friction() + transmitted
+    return record
+
+
+def _passed_by_rigid(
+    engine: Engine, state: MachineState, ddtheta: Vector, transmitted: Vector, rigid: Vector
+) -> Vector:
+    """Torque that rigid joints pass to the arms while the others are elastic, shape (n,)."""
+    from .imposed import rigid_joint_torques
+
+    on_arm, _ = engine.drive_torque(state.q, state.dq, state.theta, state.dtheta)
+    return rigid_joint_torques(
+        engine.mass_matrix(state.q),
+        engine.bias(state.q, state.dq),
+        np.where(rigid, 0.0, on_arm),
+        rigid,
+        ddtheta,
+    ) - np.where(rigid, on_arm, 0.0)
+
+
+def _start_controlled(
+    robot: Robot, engine: Engine, law: MotionLaw, control: Control, controller: Controller
+) -> MachineState:
+    """At rest in equilibrium under the controller; where there are no gains, at rest at the command."""
+    command = law.at(np.zeros(1))[0][0]
+    still = np.zeros(robot.n)
+    kp = controller.kp
+    if control.mode == "torque" or not np.all(kp > 0.0):
+        return MachineState(0.0, sagged(robot, engine, command), still, command, still.copy())
+    q, theta = settled(robot, engine, command, kp, controller.feedforward_at_start())
+    return MachineState(0.0, q, still, theta, still.copy())
+
+
+def _controlled(
+    robot: Robot,
+    engine: Engine,
+    controller: Controller,
+    times: Vector,
+    h: float,
+    begin: MachineState,
+    tell: Any,
+) -> _Record:
+    """Torque under a controller: ticks, switches of the delayed torque and record times cut the integration."""
+    record = _Record.empty(len(times), robot.n)
+    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    engine.reset(begin, None)
+    controller.reset()
+    elastic = np.array([stage.drive.spring is not None for stage in robot.stages])
+    friction = np.zeros_like(record.q)
+    instants, ticks, switches, records = _timeline(times, controller.tick_times, controller.switch_times)
+    state = begin
+    held = np.zeros(robot.n)
+    for j, t in enumerate(instants):
+        if j:
+            span = float(t - instants[j - 1])
+            engine.advance(span, _steps(span, h))
+            tell(span)
+        if ticks[j] >= 0 or records[j] >= 0:
+            state = engine.state()
+        if ticks[j] >= 0:
+            controller.tick(int(ticks[j]), state.theta + offsets, state.dtheta)
+        if switches[j] >= 0:
+            held = controller.held(int(switches[j]))
+            engine.hold(held)
+        if records[j] >= 0:
+            k = int(records[j])
+            record.put(k, state)
+            record.tau[k] = held
+            record.tau_link[k] = engine.transmitted()
+            friction[k] = engine.friction()
+    record.tau_link = _passed_by_moving(robot, engine, record, friction, elastic)
+    return record
+
+
+def _passed_by_moving(robot: Robot, engine: Engine, record: _Record, friction: Vector, elastic: Vector) -> Vector:
+    """Torque behind the gear: T of the spring, or at a rigid joint what friction and rotor leave, shape (m, n)."""
+    from ..kinematics import dynamics
+
+    if elastic.all():
+        return record.tau_link
+    gain = np.array([stage.drive.gain for stage in robot.stages])
+    free = gain * record.tau - friction
+    on_arm = np.zeros_like(free)
+    if any(stage.drive.arm_springs or any(term.kind == "arm" for term in stage.drive.terms) for stage in robot.stages):
+        still = np.zeros(robot.n)
+        on_arm = np.array([engine.drive_torque(q, still, q, still)[0] for q in record.q])
+    rotor = np.where(elastic, 0.0, engine.motor_inertia())
+    arms = dynamics(robot)
+    driving = np.where(elastic, record.tau_link, free) + on_arm
+    inertia = arms.mass_matrix(record.q) + np.diag(rotor)
+    ddq = np.linalg.solve(inertia, (driving - arms.bias(record.q, record.dq))[..., None])[..., 0]
+    return np.where(elastic, record.tau_link, free - rotor * ddq)
+
+
+def _timeline(times: Vector, ticks: Vector, switches: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """All instants in order, and for each the number of the tick, switch and record that falls on it, else -1."""
+    everything = np.concatenate([times, ticks, switches])
+    order = np.sort(everything[everything <= times[-1] + INSTANT])
+    instants = order[np.concatenate([[True], np.diff(order) > INSTANT])]
+
+    def numbers(of: Vector) -> Vector:
+        at = np.searchsorted(of, instants - INSTANT)
+        found = at < len(of)
+        near = np.zeros(len(instants), dtype=bool)
+        near[found] = np.abs(of[at[found]] - instants[found]) <= INSTANT
+        return np.where(near, at, -1)
+
+    return instants, numbers(ticks), numbers(switches), numbers(times)
+
+
+def _steps(span: float, h: float) -> int:
+    return max(1, int(np.ceil(span / h - 1.0e-6)))
+
+
+def _trace(
+    robot: Robot,
+    backend: Backend,
+    engine: Engine,
+    law: MotionLaw,
+    control: Control,
+    times: Vector,
+    record: _Record,
+    h: float,
+    program: Program,
+) -> Trace:
+    q_cmd, dq_cmd, ddq_cmd = law.at(times)
+    position = np.array([stage.sensor.position_offset for stage in robot.stages])
+    torque = np.array([stage.sensor.torque_offset for stage in robot.stages])
+    tool = np.array([engine.tool_in_base(q) for q in record.q])
+    if not np.isfinite(tool).all() or not np.isfinite(record.q).all():
+        worst = int(np.argmin(np.isfinite(record.q).all(axis=1)))
+        raise RefusedError(
+            f"{robot.name} in {backend.engine}: the motion is no longer finite at t = {times[worst]!r} s."
+        )
+    joints = {
+        "q_cmd": q_cmd,
+        "dq_cmd": dq_cmd,
+        "ddq_cmd": ddq_cmd,
+        "q": record.theta + position,
+        "dq": record.dtheta,
+        "q_link": record.q,
+        "tau": record.tau + torque,
+        "tau_link": record.tau_link,
+    }
+    if control.mode == "torque":
+        joints["tau_cmd"] = record.tau
+        for command in ("q_cmd", "dq_cmd", "ddq_cmd"):
+            del joints[command]
+    facts: dict[str, Any] = {
+        "robot": robot.name,
+        "level": robot.level,
+        "effects": list(robot.effects),
+        "source_hash": robot.source_hash,
+        "backend": backend.name,
+        "engine": backend.engine,
+        "version": backend.version(),
+        "integrator": backend.integrator,
+        "step": h,
+        "duration": program.duration,
+        "friction": {"model": robot.friction.model, "velocity": robot.friction.velocity},
+        "notes": list(robot.notes),
+        "control": control.to_mapping(),
+    }
+    kinds = tuple(stage.joint.kind for stage in robot.stages)
+    return Trace(times, joints, tool, kinds, facts, tuple(_left_limits(robot, times, record.q)))
+
+
+def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
+    """Where and when a run left the joints' limits, which bound the planning and which no engine enforces."""
+    for i, stage in enumerate(robot.stages):
+        joint = stage.joint
+        outside = (q[:, i] < joint.lower) | (q[:, i] > joint.upper)
+        if outside.any():
+            first = float(times[int(np.argmax(outside))])
+            unit = "m" if joint.kind == "prismatic" else "rad"
+            yield (
+                f"{joint.name} leaves its limits [{joint.lower!r}, {joint.upper!r}] {unit} at t = {first!r} s "
+                f"({int(outside.sum())} of {len(times)} samples, "
+                f"from {float(q[:, i].min())!r} to {float(q[:, i].max())!r} {unit})"
+            )
+
+
+@contextmanager
+def _bar(wanted: bool, duration: float) -> Iterator[Any]:
+    """A function that is told the seconds simulated, with or without a bar."""
+    if not wanted:
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("simulating", total=duration)
+        yield lambda span: progress.advance(task, span)
