@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .effects import catalogue, effect_named
+from .effects import catalogue, effect_named, in_order
 from .errors import UsageError
 from .kinematics import dynamics
-from .representation import Arm, Drive, Robot, Stage, Stick
+from .representation import Arm, Drive, Robot, Spring, Stage, Stick
 from .shapes import draw
 
 if TYPE_CHECKING:
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 # A stuck joint gives this much before it slips [rad or m]: half of what the database's contract lets it creep.
 STICK_DISPLACEMENT = 5.0e-6
+# A contact that is given no stiffness (backlash, transmission error of a rigid joint): the effects' contract.
+CONTACT_FREQUENCY = 500.0
+CONTACT_DAMPING_RATIO = 0.15
 
 
 def build(database: Database, level: str = "full", effects: Iterable[str] | None = None) -> Robot:
@@ -60,8 +63,8 @@ def build(database: Database, level: str = "full", effects: Iterable[str] | None
         effects=chosen,
         source_hash=database.content_hash(),
     )
-    for name in chosen:
-        robot = effect_named(name).apply(robot, database.effects[name])
+    for effect in in_order([effect_named(name) for name in chosen]):
+        robot = effect.apply(robot, database.effects[effect.name])
     return draw(finish_drives(robot, database.dummy_inertia))
 
 
@@ -92,9 +95,9 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
         robot: With all effects applied.
         dummy_inertia: Fraction of the arm's diagonal mass-matrix entry at home.
     """
-    needs_dummy = any(stage.drive.spring and stage.drive.inertia == 0.0 for stage in robot.stages)
+    needs_spring = any(stage.drive.spring for stage in robot.stages)
     needs_stick = any(_sticks(stage.drive) for stage in robot.stages)
-    if not needs_dummy and not needs_stick:
+    if not needs_spring and not needs_stick:
         return robot
     home = np.array(robot.home())
     arms = dynamics(robot)
@@ -102,13 +105,22 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
     notes: list[str] = []
     stages = list(robot.stages)
     for i, stage in enumerate(stages):
-        if stage.drive.spring and stage.drive.inertia == 0.0:
-            inertia = dummy_inertia * float(mass_matrix[i, i])
-            stages[i] = replace(stage, drive=replace(stage.drive, inertia=inertia, dummy=True))
+        drive = stage.drive
+        arm_inertia = float(mass_matrix[i, i])
+        if drive.spring and drive.inertia == 0.0:
+            inertia = dummy_inertia * arm_inertia
+            drive = replace(drive, inertia=inertia, dummy=True)
             notes.append(
                 f"{stage.joint.name}: no rotor_inertia, so its motor side is a dummy part of {inertia!r} "
                 f"({dummy_inertia!r} of the arm's diagonal mass-matrix entry at home)"
             )
+        if drive.spring and math.isinf(drive.spring.stiffness + drive.spring.damping):
+            spring = _contact(drive.spring, drive.inertia, arm_inertia)
+            drive = replace(drive, spring=spring)
+            notes.append(
+                f"{stage.joint.name}: its contact has stiffness {spring.stiffness!r} and damping {spring.damping!r}"
+            )
+        stages[i] = replace(stage, drive=drive)
     if needs_stick:
         rigid = np.array([0.0 if stage.drive.spring else stage.drive.inertia for stage in stages])
         mobility = np.diag(np.linalg.inv(mass_matrix + np.diag(rigid)))
@@ -119,6 +131,14 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
                 stick = _bristle(level_at_rest(stage.drive, float(load[i])), inertia)
                 stages[i] = replace(stage, drive=replace(stage.drive, stick=stick))
     return replace(robot, stages=tuple(stages), notes=robot.notes + tuple(notes))
+
+
+def _contact(spring: Spring, motor: float, arm: float) -> Spring:
+    """The spring with what it was not given: 500 Hz on the reduced inertia of both sides, damping ratio 0.15."""
+    reduced = motor * arm / (motor + arm)
+    k = spring.stiffness if math.isfinite(spring.stiffness) else (2 * math.pi * CONTACT_FREQUENCY) ** 2 * reduced
+    b = spring.damping if math.isfinite(spring.damping) else 2 * CONTACT_DAMPING_RATIO * math.sqrt(k * reduced)
+    return replace(spring, stiffness=k, damping=b)
 
 
 def _sticks(drive: Drive) -> bool:

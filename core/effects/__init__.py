@@ -9,7 +9,7 @@ from importlib import import_module
 
 from .. import plugins
 from ..errors import PluginError
-from .effect import Column, Effect, EffectRow, Law, LawFunction, with_drive, with_stage
+from .effect import Column, Effect, EffectRow, Law, LawFunction, in_order, with_drive, with_stage
 
 __all__ = [
     "Column",
@@ -19,6 +19,7 @@ __all__ = [
     "LawFunction",
     "catalogue",
     "effect_named",
+    "in_order",
     "with_drive",
     "with_stage",
 ]

@@ -79,6 +79,7 @@ class Effect(ABC):
     key: ClassVar[Literal["joint", "arm", "robot"]]
     columns: ClassVar[tuple[Column, ...]]
     laws: ClassVar[tuple[Law, ...]] = ()
+    after: ClassVar[tuple[str, ...]] = ()  # effects that are applied before this one
 
     def check(self, values: Mapping[str, float]) -> str | None:
         """What is wrong with a row beyond its columns' bounds, as a sentence; None where nothing is."""
@@ -88,7 +89,7 @@ class Effect(ABC):
         """The robot with this effect at the rows' places. Default: each row's values become each law's parameters.
 
         Args:
-            robot: The robot so far; effects are applied in the order of their names within a phase.
+            robot: The robot so far; effects are applied by name, but each after those it names in `after`.
             rows: This effect's rows.
         """
         for row in rows:
@@ -96,6 +97,19 @@ class Effect(ABC):
             terms = tuple(Term(self.name, law.name, law.kind, parameters) for law in self.laws)
             robot = with_drive(robot, row.at, lambda drive, new=terms: replace(drive, terms=drive.terms + new))
         return robot
+
+
+def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Effects sorted by name, each after those that it names in `after`."""
+    waiting = sorted(effects, key=lambda effect: effect.name)
+    ordered: list[Effect] = []
+    while waiting:
+        names = {effect.name for effect in waiting}
+        # a circle of plugins that each want to be last is cut at its first name
+        ready = next((effect for effect in waiting if not names & set(effect.after)), waiting[0])
+        waiting.remove(ready)
+        ordered.append(ready)
+    return tuple(ordered)
 
 
 def with_stage(robot: Robot, at: int, change: Callable[[Stage], Stage]) -> Robot:

@@ -1,0 +1,41 @@
+"""Backlash: clearance between motor side and arm."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..representation import Robot, Spring
+from .effect import Column, Effect, EffectRow, with_drive
+
+# what a contact without numbers of its own is: chosen in build, from the inertias on both sides
+STIFF = Spring(math.inf, math.inf)
+
+
+class Backlash(Effect):
+    """T = 0 while abs(theta - q) < gap/2, spring and damper beyond; the damper never pulls."""
+
+    name = "backlash"
+    key = "joint"
+    after = ("joint_compliance",)
+    columns = (
+        Column("gap", "rad|m", minimum=0.0),
+        Column("stiffness", "N*m/rad|N/m", default=math.inf, minimum=0.0, exclusive=True, infinite=True),
+        Column("damping", "N*m*s/rad|N*s/m", default=math.inf, minimum=0.0, infinite=True),
+    )
+
+    def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
+        """Gives the drive's spring a gap; a contact's own numbers replace the compliance's."""
+        for row in rows:
+            gap, k, b = (row.values[name] for name in ("gap", "stiffness", "damping"))
+
+            def change(spring: Spring, gap: float = gap, k: float = k, b: float = b) -> Spring:
+                return Spring(
+                    spring.stiffness if math.isinf(k) else k, spring.damping if math.isinf(b) else b, spring.gap + gap
+                )
+
+            robot = with_drive(
+                robot, row.at, lambda drive, change=change: replace(drive, spring=change(drive.spring or STIFF))
+            )
+        return robot

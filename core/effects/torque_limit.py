@@ -1,0 +1,24 @@
+"""Torque limit: the amplifier cuts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..representation import Robot
+from .effect import Column, Effect, EffectRow, with_drive
+
+
+class TorqueLimit(Effect):
+    """tau is cut at +-torque, after the delay."""
+
+    name = "torque_limit"
+    key = "joint"
+    columns = (Column("torque", "N*m|N", minimum=0.0),)
+
+    def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
+        """Sets the drive's limit."""
+        for row in rows:
+            limit = row.values["torque"]
+            robot = with_drive(robot, row.at, lambda drive, limit=limit: replace(drive, torque_limit=limit))
+        return robot
