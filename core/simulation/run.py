@@ -228,7 +228,10 @@ def _controlled(
     friction = np.zeros_like(record.q)
     instants, ticks, switches, records = _timeline(times, controller.tick_times, controller.switch_times)
     state = begin
-    held = np.zeros(robot.n)
+    # a delayed robot starts under the torque that settled it
+    controller.tick(0, begin.theta + offsets, begin.dtheta)
+    held = controller.held(0)
+    engine.hold(held)
     for j, t in enumerate(instants):
         if j:
             span = float(t - instants[j - 1])
