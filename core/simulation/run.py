@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 DEFAULT_RATE = 1000.0
 # two instants closer than this are one [s]
 INSTANT = 1.0e-9
+
+Tell = Callable[[float], None]
 
 
 def simulate(
@@ -158,7 +160,7 @@ def _start_imposed(robot: Robot, engine: Engine, law: MotionLaw) -> MachineState
 
 
 def _elastic(
-    robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: float, begin: MachineState, tell: Any
+    robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: float, begin: MachineState, tell: Tell
 ) -> _Record:
     """Motion imposed on the motor sides of elastic joints."""
     record = _Record.empty(len(times), robot.n)
@@ -217,7 +219,7 @@ def _controlled(
     times: Vector,
     h: float,
     begin: MachineState,
-    tell: Any,
+    tell: Tell,
 ) -> _Record:
     """Torque under a controller: ticks, switches of the delayed torque and record times cut the integration."""
     record = _Record.empty(len(times), robot.n)
@@ -363,14 +365,22 @@ def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
 
 
 @contextmanager
-def _bar(wanted: bool, duration: float) -> Iterator[Any]:
+def _bar(wanted: bool, duration: float) -> Generator[Tell, None, None]:
     """A function that is told the seconds simulated, with or without a bar."""
     if not wanted:
-        yield lambda _: None
+        yield _say_nothing
         return
     from rich.console import Console
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("simulating", total=duration)
-        yield lambda span: progress.advance(task, span)
+
+        def advance(span: float) -> None:
+            progress.advance(task, span)
+
+        yield advance
+
+
+def _say_nothing(span: float) -> None:
+    """No bar."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,31 @@ class Trace:
     def tip(self) -> Vector:
         """Position of the tool centre point in the base [m], shape (m, 3)."""
         return self.tool_in_base[:, :3, 3]
+
+    def with_noise(self, sigma: Mapping[str, Sequence[float]], seed: int = 0) -> Trace:
+        """The same run with white Gaussian noise on what sensors report.
+
+        Args:
+            sigma: Signal (q, dq, q_link, tau, ee, ee_rot) to one standard deviation a joint (ee [m], ee_rot [rad]: one).
+            seed: The same seed gives the same noise.
+        """
+        from scipy.spatial.transform import Rotation
+
+        joints, tool = dict(self.joints), self.tool_in_base.copy()
+        for number, signal in enumerate(("q", "dq", "q_link", "tau", "ee", "ee_rot")):
+            if signal not in sigma:
+                continue
+            # a stream a channel: noise on one does not change another's
+            random = np.random.default_rng([seed, number])
+            if signal == "ee":
+                tool[:, :3, 3] += random.normal(size=(len(self.t), 3)) * sigma[signal][0]
+            elif signal == "ee_rot":
+                turn = Rotation.from_rotvec(random.normal(size=(len(self.t), 3)) * sigma[signal][0])
+                tool[:, :3, :3] = turn.as_matrix() @ tool[:, :3, :3]
+            else:
+                joints[signal] = joints[signal] + random.normal(size=joints[signal].shape) * np.array(sigma[signal])
+        stated = {signal: list(values) for signal, values in sigma.items()}
+        return replace(self, joints=joints, tool_in_base=tool, facts={**self.facts, "noise": stated, "seed": seed})
 
     def columns(self) -> dict[str, Vector]:
         """Columns of the run's data file in the order of log.md, each of shape (m,)."""
