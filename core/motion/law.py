@@ -1,14 +1,17 @@
-"""Motion laws: joint positions with their speeds and accelerations as piecewise polynomials of time."""
+"""Motion laws: joint positions over time as piecewise polynomials, with the speeds and accelerations that are theirs.
+
+The paper's two codes differed because each differentiated the joint rotation by itself (IMECE2013-64815, section 8);
+here position, speed and acceleration come from one polynomial, the same for every engine.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import UsageError
+from ..errors import RunFileError
 from .evaluate import MotionTable
 
 Array = NDArray[np.float64]
@@ -16,100 +19,153 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLaw:
-    """Piecewise polynomials; at rest at its ends' positions before and after.
+    """Positions of n joints over time; at rest at the end positions before the first and after the last knot.
 
-    The paper found that two codes differed because each differentiated the rotation by itself: here position, speed
-    and acceleration come from the same polynomials everywhere.
+    The law is what its table makes it: Akima pieces join with continuous speed only, cubic Hermite pieces too, quintic
+    Hermite pieces with continuous acceleration. At a knot the piece after it counts. A law that does not end at rest
+    stops at once.
 
     Attributes:
-        knots: Where pieces begin, and the end [s], shape (m + 1,), growing, the first is 0 for a run.
-        coefficients: Powers of t - knot, highest first, shape (order, m, n) [rad or m, by s].
+        knots: Times between which the law is one polynomial [s], growing, shape (m + 1,).
+        coefficients: Highest power of (t - knot) first, as SciPy's PPoly has them [rad or m], shape (k, m, n).
     """
 
     knots: Array
     coefficients: Array
 
+    def __post_init__(self) -> None:
+        knots = np.array(self.knots, dtype=np.float64)
+        coefficients = np.array(self.coefficients, dtype=np.float64)
+        if coefficients.ndim != 3 or knots.shape != (coefficients.shape[1] + 1,) or 0 in coefficients.shape:
+            raise ValueError(f"knots {knots.shape} and coefficients {coefficients.shape} do not fit together")
+        if not (np.isfinite(knots).all() and np.isfinite(coefficients).all() and (np.diff(knots) > 0.0).all()):
+            raise ValueError("knots must grow, and all numbers must be finite")
+        for name, array in (("knots", knots), ("coefficients", coefficients)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
     @property
     def n(self) -> int:
         """Number of joints."""
-        return int(self.coefficients.shape[2])
+        return self.coefficients.shape[2]
 
     @property
     def duration(self) -> float:
-        """Time of the last knot [s]."""
+        """Time of the last knot [s]; a run begins at t = 0."""
         return float(self.knots[-1])
 
     def at(self, t: ArrayLike) -> tuple[Array, Array, Array]:
-        """(q, dq, ddq) at times t [s], shape (...,); each of shape (..., n)."""
-        times = np.asarray(t, dtype=float)
-        flat = np.atleast_1d(times).ravel()
-        inside = np.clip(flat, self.knots[0], self.knots[-1])
+        """Positions, speeds and accelerations at times t (...) [s], each of shape (..., n)."""
+        t = np.asarray(t, dtype=np.float64)
+        inside = np.clip(t, self.knots[0], self.knots[-1])
         piece = np.clip(np.searchsorted(self.knots, inside, side="right") - 1, 0, len(self.knots) - 2)
-        s = (inside - self.knots[piece])[:, None]
-        value, slope, bend = (np.zeros((len(flat), self.n)) for _ in range(3))
+        x = (inside - self.knots[piece])[..., None]
+        value, slope, bend = (np.zeros((*t.shape, self.n)) for _ in range(3))
         for power in self.coefficients:
-            bend = bend * s + 2.0 * slope
-            slope = slope * s + value
-            value = value * s + power[piece]
-        still = ((flat < self.knots[0]) | (flat > self.knots[-1]))[:, None]
-        shape = (*times.shape, self.n)
-        moving = (np.where(still, 0.0, slope), np.where(still, 0.0, bend))
-        return value.reshape(shape), moving[0].reshape(shape), moving[1].reshape(shape)
+            bend = bend * x + slope
+            slope = slope * x + value
+            value = value * x + power[piece]
+        moving = (t == inside)[..., None]
+        return value, np.where(moving, slope, 0.0), np.where(moving, 2.0 * bend, 0.0)
 
-    def shifted(self, offset: ArrayLike) -> MotionLaw:
-        """The same motion with an offset added to every position, shape (n,) [rad or m]."""
+    def shifted(self, offsets: ArrayLike) -> MotionLaw:
+        """The same motion with constant offsets (n,) added to the positions [rad or m]."""
         coefficients = self.coefficients.copy()
-        coefficients[-1] += np.asarray(offset, dtype=float)
+        coefficients[-1] += np.asarray(offsets, dtype=np.float64)
         return MotionLaw(self.knots, coefficients)
 
     def table(self) -> MotionTable:
-        """Contiguous arrays for compiled code and for scripts."""
+        """The law for `evaluate.motion_at` and for scripts."""
         return MotionTable(np.ascontiguousarray(self.knots), np.ascontiguousarray(self.coefficients))
 
 
-def hold(q: Sequence[float], duration: float) -> MotionLaw:
-    """Standing still at q [rad or m] for a duration [s]."""
-    return MotionLaw(np.array([0.0, duration]), np.array(q, dtype=float).reshape(1, 1, -1))
+def from_table(
+    t: ArrayLike, q: ArrayLike, dq: ArrayLike | None = None, ddq: ArrayLike | None = None, *, source: str | None = None
+) -> MotionLaw:
+    """The law through given knots.
 
-
-def from_table(t: ArrayLike, q: ArrayLike, dq: ArrayLike | None = None, ddq: ArrayLike | None = None) -> MotionLaw:
-    """Through the knots of a motion table.
-
-    Positions alone make an Akima spline (the paper's; its acceleration jumps at knots), positions and speeds a cubic
-    Hermite, all three a quintic Hermite spline.
+    Positions alone: Akima's spline (Akima, 1970), as in the paper. With speeds: cubic Hermite pieces. With speeds and
+    accelerations, which the paper recommends: quintic Hermite pieces.
 
     Args:
-        t: Times [s], growing, shape (m,).
+        t: Times [s], growing, shape (m,), m >= 2.
         q: Positions [rad or m], shape (m, n).
-        dq: Speeds, shape (m, n).
-        ddq: Accelerations, shape (m, n).
+        dq: Speeds, shape (m, n), or None.
+        ddq: Accelerations, shape (m, n), or None; only with dq.
+        source: Where the table stands, for messages.
 
     Raises:
-        UsageError: Fewer than two knots, or times that do not grow.
+        RunFileError: Numbers that make no motion.
     """
-    from scipy.interpolate import Akima1DInterpolator, CubicHermiteSpline
-
-    times, positions = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
-    if len(times) < 2 or not np.all(np.diff(times) > 0.0):
-        raise UsageError("a motion needs two knots or more, at times that grow.")
-    if dq is None:
-        if len(times) == 2:
-            return from_table(times, positions, np.tile(np.diff(positions, axis=0) / np.diff(times), (2, 1)))
-        return MotionLaw(times, np.asarray(Akima1DInterpolator(times, positions).c))
-    speeds = np.asarray(dq, dtype=float)
-    if ddq is None:
-        return MotionLaw(times, np.asarray(CubicHermiteSpline(times, positions, speeds).c))
-    return MotionLaw(times, _quintic(times, positions, speeds, np.asarray(ddq, dtype=float)))
-
-
-def _quintic(t: Array, q: Array, dq: Array, ddq: Array) -> Array:
-    """Coefficients of the quintic Hermite spline, shape (6, m - 1, n)."""
+    t = np.asarray(t, dtype=np.float64)
+    columns = [np.asarray(values, dtype=np.float64) for values in (q, dq, ddq) if values is not None]
+    _check_table(t, columns, ddq is not None and dq is None, source)
     h = np.diff(t)[:, None]
-    v0, v1 = dq[:-1] * h, dq[1:] * h
-    a0, a1 = ddq[:-1] * h * h, ddq[1:] * h * h
-    step = np.diff(q, axis=0) - v0 - a0 / 2
-    dv, da = v1 - v0 - a0, a1 - a0
-    c3 = 10 * step - 4 * dv + da / 2
-    c4 = -15 * step + 7 * dv - da
-    c5 = 6 * step - 3 * dv + da / 2
-    return np.stack([c5 / h**5, c4 / h**4, c3 / h**3, ddq[:-1] / 2, dq[:-1], q[:-1]])
+    if len(columns) == 1:
+        return MotionLaw(t, _akima(t, columns[0]))
+    q0, q1, v0, v1 = columns[0][:-1], columns[0][1:], columns[1][:-1], columns[1][1:]
+    # what is left at the end of a piece once its first terms are taken out
+    position, speed = q1 - q0 - h * v0, h * (v1 - v0)
+    if len(columns) == 2:
+        terms = [(speed - 2.0 * position) / h**3, (3.0 * position - speed) / h**2, v0, q0]
+        return MotionLaw(t, np.stack(terms))
+    a0, a1 = columns[2][:-1], columns[2][1:]
+    position, speed, bend = position - 0.5 * h**2 * a0, speed - h**2 * a0, h**2 * (a1 - a0)
+    terms = [
+        (6.0 * position - 3.0 * speed + 0.5 * bend) / h**5,
+        (-15.0 * position + 7.0 * speed - bend) / h**4,
+        (10.0 * position - 4.0 * speed + 0.5 * bend) / h**3,
+        0.5 * a0,
+        v0,
+        q0,
+    ]
+    return MotionLaw(t, np.stack(terms))
+
+
+def hold(q: ArrayLike, duration: float) -> MotionLaw:
+    """Standing still at positions q (n,) for a duration [s]."""
+    q = np.asarray(q, dtype=np.float64)
+    return MotionLaw(np.array([0.0, duration]), q[None, None, :])
+
+
+def point_to_point(start: ArrayLike, end: ArrayLike, duration: float) -> MotionLaw:
+    """From rest to rest on one quintic a joint: speed and acceleration are zero at both ends.
+
+    Args:
+        start: Positions [rad or m], shape (n,).
+        end: Positions, shape (n,).
+        duration: [s].
+    """
+    q = np.array([start, end], dtype=np.float64)
+    return from_table([0.0, duration], q, np.zeros_like(q), np.zeros_like(q))
+
+
+def _akima(t: Array, q: Array) -> Array:
+    from scipy.interpolate import Akima1DInterpolator
+
+    if len(t) == 2:
+        slope = (q[1] - q[0]) / (t[1] - t[0])
+        return np.stack([slope[None], q[:1]])
+    return np.asarray(Akima1DInterpolator(t, q).c)
+
+
+def _check_table(t: Array, columns: list[Array], missing_speed: bool, source: str | None) -> None:
+    def fail(message: str) -> None:
+        raise RunFileError(f"{source}: {message}" if source else message)
+
+    if missing_speed:
+        fail("accelerations need speeds beside them: give dq too")
+    if t.ndim != 1 or len(t) < 2:
+        fail(f"a motion needs two times or more, not {t.size}")
+    for values in columns:
+        if values.ndim != 2 or len(values) != len(t) or values.shape != columns[0].shape:
+            fail(f"{len(t)} times and positions, speeds or accelerations of shape {values.shape} do not fit together")
+    growing = np.diff(t) > 0.0
+    if not growing.all():
+        at = int(np.argmin(growing))
+        fail(f"times must grow: row {at + 2} has t = {float(t[at + 1])!r} s after {float(t[at])!r} s")
+    for values in (t, *columns):
+        finite = np.isfinite(values.reshape(len(t), -1)).all(axis=1)
+        if not finite.all():
+            at = int(np.argmin(finite))
+            fail(f"row {at + 1} (t = {float(t[at])!r} s) holds a number that is not finite")
