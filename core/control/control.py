@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 from ..errors import Problem, RunFileError
 
@@ -68,7 +68,7 @@ class Control:
             raise RunFileError(
                 (Problem("control must be a mapping with at least a mode", file=file, column="control"),)
             )
-        table: Mapping[Any, Any] = data
+        table = cast("Mapping[Any, Any]", data)
         for key in table:
             if key not in _KEYS:
                 wrong(str(key), table[key], f"unknown key; known are {', '.join(_KEYS)}")
@@ -112,7 +112,7 @@ def read_noise(path: Path, n: int) -> dict[str, tuple[float, ...]]:
 
     if not isinstance(part, Mapping):
         raise RunFileError((Problem("there is no noise part, e.g. noise: {q: 1.0e-5, tau: 0.5}", file=str(path)),))
-    table: Mapping[Any, Any] = part
+    table = cast("Mapping[Any, Any]", part)
     noise: dict[str, tuple[float, ...]] = {}
     for key, value in table.items():
         if key not in ("q", "dq", "q_link", "tau", "ee", "ee_rot"):
@@ -146,7 +146,7 @@ def read_log(path: Path) -> dict[str, Any]:
         raise RunFileError((Problem(f"is no YAML file: {reason}", file=str(path)),)) from error
     if not isinstance(data, dict):
         raise RunFileError((Problem("must be a mapping, e.g. control: {mode: motion}", file=str(path)),))
-    return {str(key): value for key, value in data.items()}  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
+    return {str(key): value for key, value in cast("dict[Any, Any]", data).items()}
 
 
 def _is_number(value: Any) -> bool:
@@ -165,7 +165,7 @@ def _numbers(value: Any, n: int, key: str, wrong: Any) -> tuple[float, ...]:
     if not isinstance(value, list | tuple):
         wrong(key, value, f"must be a list of {n} numbers, one a joint")
         return ()
-    items: list[Any] = list(value)  # pyright: ignore[reportUnknownArgumentType]
+    items = list(cast("list[Any]", value))
     if len(items) != n or not all(_is_number(item) for item in items):
         wrong(key, value, f"must be a list of {n} numbers, one a joint")
         return ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .backend import Vector
 
@@ -17,7 +18,7 @@ def imposed_acceleration(q: Vector, dq: Vector, q_cmd: Vector, dq_cmd: Vector, d
 
 
 def rigid_joint_torques(
-    mass_matrix: Vector, bias: Vector, driven: Vector, rigid: Vector, acceleration: Vector
+    mass_matrix: Vector, bias: Vector, driven: Vector, rigid: NDArray[np.bool_], acceleration: Vector
 ) -> Vector:
     """Torques of all joints when those that are rigid accelerate as imposed.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import RefusedError, UsageError
 from ..representation import Robot
@@ -184,7 +185,7 @@ def _elastic(
 
 
 def _passed_by_rigid(
-    engine: Engine, state: MachineState, ddtheta: Vector, transmitted: Vector, rigid: Vector
+    engine: Engine, state: MachineState, ddtheta: Vector, transmitted: Vector, rigid: NDArray[np.bool_]
 ) -> Vector:
     """Torque that rigid joints pass to the arms while the others are elastic, shape (n,)."""
     from .imposed import rigid_joint_torques
