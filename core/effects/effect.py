@@ -52,6 +52,7 @@ class Law:
 
     kind: TermKind
     function: LawFunction
+    uses_load: bool = False  # at a rigid joint `load` must then be solved with the accelerations
 
     @property
     def name(self) -> str:

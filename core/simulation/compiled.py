@@ -42,7 +42,8 @@ def _teach_numba() -> None:
     # overload wants the very same signature, annotations included
     law_by_address.__annotations__ = {}
     extending.overload(drive_law.call_law, strict=False)(law_by_address)
-    as_it_stands(drive_law.transmitted_torque)
+    for helper in (drive_law.transmitted_torque, drive_law.drive_torques, drive_law.factorised, drive_law.solved):
+        as_it_stands(helper)
 
 
 def as_it_stands(function: Any) -> None:
@@ -60,6 +61,17 @@ def compile_text(function: Any) -> Any:
 def compiled_torques() -> Any:
     """`drive_law.drive_torques`, compiled; takes a DriveTable whose laws are addresses."""
     return compile_text(drive_law.drive_torques)
+
+
+@cache
+def compiled_loaded_torques() -> Any:
+    """`drive_law.loaded_torques`, compiled."""
+    return compile_text(drive_law.loaded_torques)
+
+
+def uses_load(effect: str, law: str) -> bool:
+    """Whether a law asks for the torque that the drive passes to the arm."""
+    return any(entry.uses_load for entry in effect_named(effect).laws if entry.name == law)
 
 
 def law_function(effect: str, law: str) -> Any:

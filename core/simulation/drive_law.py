@@ -13,6 +13,8 @@ import math
 from typing import Any, NamedTuple
 
 LEVEL, RESISTANCE, ARM, ERROR, ERROR_SLOPE = 0, 1, 2, 3, 4
+LOAD_ITERATIONS = 200
+LOAD_TOLERANCE = 1.0e-13
 
 
 class DriveTable(NamedTuple):
@@ -170,3 +172,118 @@ def drive_torques(
             resistance += force
         friction[i] = resistance
         on_arm[i] = arm
+
+
+def factorised(matrix: Any) -> None:
+    """Cholesky factor of a symmetric positive definite matrix, shape (n, n), into its lower triangle."""
+    n = matrix.shape[0]
+    for j in range(n):
+        for k in range(j):
+            for i in range(j, n):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+        root = math.sqrt(matrix[j, j])
+        for i in range(j, n):
+            matrix[i, j] /= root
+
+
+def solved(factor: Any, x: Any) -> None:
+    """Solution of (factor factor^T) y = x into x, shape (n,)."""
+    n = factor.shape[0]
+    for i in range(n):
+        for k in range(i):
+            x[i] -= factor[i, k] * x[k]
+        x[i] /= factor[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= factor[k, i] * x[k]
+        x[i] /= factor[i, i]
+
+
+def loaded_torques(
+    table: DriveTable,
+    stick_anchor: Any,
+    slip_anchor: Any,
+    t: float,
+    q: Any,
+    dq: Any,
+    theta: Any,
+    dtheta: Any,
+    load: Any,
+    transmitted: Any,
+    reaction: Any,
+    friction: Any,
+    on_arm: Any,
+    accept: bool,
+    command: Any,
+    mass_matrix: Any,
+    bias: Any,
+    factor: Any,
+    ddq: Any,
+) -> None:
+    """`drive_torques` with the load of rigid joints solved together with the accelerations.
+
+    A rigid joint passes T = gain tau - friction - inertia q'', friction depends on T, and q'' on friction. Friction of
+    coefficients below 1 makes this a contraction; it is iterated until T stands still.
+
+    Args:
+        table: The drives; as all that follows up to accept in `drive_torques`.
+        stick_anchor: Memory of sticking friction.
+        slip_anchor: Memory of slip elements.
+        t: Time [s].
+        q: Position of the arm side.
+        dq: Its speed.
+        theta: Position of the motor side.
+        dtheta: Its speed.
+        load: In: first guess of T; out: T at rigid joints, shape (n,).
+        transmitted: Out.
+        reaction: Out.
+        friction: Out.
+        on_arm: Out.
+        accept: Let what slips slip for good.
+        command: Motor torques before the drives' gain, shape (n,).
+        mass_matrix: Of the arms, shape (n, n).
+        bias: Gravity, Coriolis and centrifugal torques, shape (n,).
+        factor: Workspace, shape (n, n).
+        ddq: Out: accelerations of the arms, shape (n,).
+    """
+    n = len(q)
+    for i in range(n):
+        for j in range(n):
+            factor[i, j] = mass_matrix[i, j]
+        if table.elastic[i] == 0:
+            factor[i, i] += table.inertia[i]
+    factorised(factor)
+    for _ in range(LOAD_ITERATIONS):
+        drive_torques(
+            table,
+            stick_anchor,
+            slip_anchor,
+            t,
+            q,
+            dq,
+            theta,
+            dtheta,
+            load,
+            transmitted,
+            reaction,
+            friction,
+            on_arm,
+            False,
+        )
+        for i in range(n):
+            driving = transmitted[i] if table.elastic[i] == 1 else table.gain[i] * command[i] - friction[i]
+            ddq[i] = driving + on_arm[i] - bias[i]
+        solved(factor, ddq)
+        change = 0.0
+        largest = 0.0
+        for i in range(n):
+            if table.elastic[i] == 0:
+                passed = table.gain[i] * command[i] - friction[i] - table.inertia[i] * ddq[i]
+                change = max(change, abs(passed - load[i]))
+                largest = max(largest, abs(passed))
+                load[i] = passed
+        if change <= LOAD_TOLERANCE * (1.0 + largest):
+            break
+    drive_torques(
+        table, stick_anchor, slip_anchor, t, q, dq, theta, dtheta, load, transmitted, reaction, friction, on_arm, accept
+    )

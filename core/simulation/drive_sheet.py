@@ -11,14 +11,11 @@ from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-
 from ..representation import ArmSpring, Drive, FrictionModel, Robot, Slip, Spring, Stick, Term
-from .drive_law import ARM, ERROR, ERROR_SLOPE, LEVEL, RESISTANCE, DriveTable
+from .drive_law import DriveTable
+from .drive_table import drive_table
 
 SCHEMA = "mbexport-drives/1"
-_KINDS = {"level": LEVEL, "resistance": RESISTANCE, "arm": ARM, "error": ERROR, "error_slope": ERROR_SLOPE}
-_PARAMETERS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,52 +97,7 @@ class DriveSheet:
             native: What the engine does by itself and the equations shall leave out: "damping" (linear friction),
                 "arm_springs".
         """
-        drives = self.drives
-        terms = [term for drive in drives for term in drive.terms]
-        slips = [slip for drive in drives for slip in drive.slips]
-        parameters = np.zeros((len(terms), _PARAMETERS))
-        for row, term in zip(parameters, terms, strict=True):
-            row[: len(term.parameters)] = term.parameters
-        laws = [law_of(term.effect, term.law) for term in terms]
-        arm_stiffness = [0.0 if "arm_springs" in native else _total_stiffness(drive) for drive in drives]
-        smooth = self.friction.model == "smooth"
-        return DriveTable(
-            inertia=_floats(drive.inertia for drive in drives),
-            elastic=np.array([drive.spring is not None for drive in drives], dtype=np.int64),
-            stiffness=_floats(drive.spring.stiffness if drive.spring else 0.0 for drive in drives),
-            spring_damping=_floats(drive.spring.damping if drive.spring else 0.0 for drive in drives),
-            half_gap=_floats(drive.spring.gap / 2 if drive.spring else 0.0 for drive in drives),
-            damping=_floats(0.0 if "damping" in native else drive.damping for drive in drives),
-            gain=_floats(drive.gain for drive in drives),
-            arm_stiffness=_floats(arm_stiffness),
-            arm_rest=_floats(_mean_rest(drive) for drive in drives),
-            stick_displacement=_floats(
-                drive.stick.displacement if drive.stick and not smooth else 0.0 for drive in drives
-            ),
-            stick_time=_floats(drive.stick.time if drive.stick else 0.0 for drive in drives),
-            smooth_velocity=_floats(self.friction.velocity for _ in drives),
-            first=np.cumsum([0, *(len(drive.terms) for drive in drives)], dtype=np.int64),
-            kinds=np.array([_KINDS[term.kind] for term in terms], dtype=np.int64),
-            laws=np.array(laws, dtype=np.int64) if all(isinstance(law, int) for law in laws) else laws,
-            parameters=parameters,
-            slip_first=np.cumsum([0, *(len(drive.slips) for drive in drives)], dtype=np.int64),
-            slip_stiffness=_floats(slip.stiffness for slip in slips),
-            slip_level=_floats(slip.level for slip in slips),
-        )
-
-
-def _floats(values: Any) -> Any:
-    return np.array(list(values), dtype=float)
-
-
-def _total_stiffness(drive: Drive) -> float:
-    return sum(spring.stiffness for spring in drive.arm_springs)
-
-
-def _mean_rest(drive: Drive) -> float:
-    """Rest of the one spring that pulls as all of them together."""
-    total = _total_stiffness(drive)
-    return sum(spring.stiffness * spring.rest for spring in drive.arm_springs) / total if total else 0.0
+        return drive_table(self.to_data(), law_of, native)
 
 
 def _drive(data: dict[str, Any]) -> Drive:

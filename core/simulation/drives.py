@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from .backend import MachineState, Vector
-from .compiled import compiled_torques, law_address
+from .compiled import compiled_loaded_torques, compiled_torques, law_address, uses_load
 from .drive_sheet import DriveSheet
 
 
@@ -16,7 +16,8 @@ class Drives:
 
     Attributes:
         table: The drives as arrays.
-        load: Set before `evaluate` where laws need a rigid joint's torque, shape (n,).
+        load: T of rigid joints, where laws need it: solved by `evaluate_loaded`, or set before `evaluate`, shape (n,).
+        needs_load: Some law at a rigid joint needs it.
         transmitted: T of elastic joints at the last evaluated state, shape (n,).
         reaction: The same on the motor side.
         friction: Friction on the motor side, positive against positive speed.
@@ -36,7 +37,12 @@ class Drives:
         self.on_arm = np.zeros(n)
         self.stick_anchor = np.zeros(n)
         self.slip_anchor = np.zeros(len(self.table.slip_level))
+        self.needs_load = any(
+            uses_load(term.effect, term.law) for drive in sheet.drives if drive.spring is None for term in drive.terms
+        )
         self._torques = compiled_torques()
+        self._factor = np.zeros((n, n))
+        self._ddq = np.zeros(n)
 
     def reset(self, state: MachineState) -> None:
         """Friction and hysteresis at zero force at this state."""
@@ -62,6 +68,54 @@ class Drives:
             self.friction,
             self.on_arm,
             accept,
+        )
+
+    def evaluate_loaded(
+        self,
+        t: float,
+        q: Vector,
+        dq: Vector,
+        theta: Vector,
+        dtheta: Vector,
+        command: Vector,
+        mass_matrix: Vector,
+        bias: Vector,
+        *,
+        accept: bool = False,
+    ) -> None:
+        """`evaluate` with the load of rigid joints solved together with the accelerations.
+
+        Args:
+            t: Time [s].
+            q: Position of the arm side, shape (n,).
+            dq: Its speed.
+            theta: Position of the motor side.
+            dtheta: Its speed.
+            command: Motor torques before the drives' gain, shape (n,).
+            mass_matrix: Of the arms, shape (n, n).
+            bias: Gravity, Coriolis and centrifugal torques, shape (n,).
+            accept: The integrator has accepted this state.
+        """
+        compiled_loaded_torques()(
+            self.table,
+            self.stick_anchor,
+            self.slip_anchor,
+            t,
+            q,
+            dq,
+            theta,
+            dtheta,
+            self.load,
+            self.transmitted,
+            self.reaction,
+            self.friction,
+            self.on_arm,
+            accept,
+            command,
+            mass_matrix,
+            bias,
+            self._factor,
+            self._ddq,
         )
 
     def motor_torque(self, command: Vector) -> Vector:
