@@ -29,7 +29,8 @@ def parse_motion(text: str, joints: Sequence[Joint], file: str = "motion") -> Mo
     """
     problems = Problems()
     raw = parse_table(text, file, problems)
-    motion = None if raw is None else read_motion_rows(file, raw, [joint.kind for joint in joints], problems)
+    kinds: list[JointKind] = [joint.kind for joint in joints]
+    motion = None if raw is None else read_motion_rows(file, raw, kinds, problems)
     if motion is None or problems.errors:
         raise RunFileError(problems.errors)
     return motion

@@ -55,13 +55,12 @@ def read_parts(sources: Sources, settings: Settings, problems: Problems) -> Part
     _read_joints(sources, parts, problems)
     _read_corrections(sources, parts, settings, problems)
     _read_inertias(sources, parts, settings, problems)
-    kinds = [joint.kind for joint in parts.joints]
+    kinds: list[JointKind] = [joint.kind for joint in parts.joints]
     for name, raw in sorted(sources.effects.items()):
         parts.effects[name] = read_effect(name, raw, parts.n, kinds, problems)
-        if settings.kinematics_convention == "modified" and name in catalogue() and _key_of(name) == "arm":
+        if settings.kinematics_convention == "modified" and _key_of(name) == "arm":
             problems.error(
-                f"{name} is keyed by arm, which the modified convention does not allow; write the tables in the standard "
-                "one.",
+                f"{name} is keyed by arm, which the modified convention does not allow; write all in the standard one.",
                 raw.file,
                 raw.line,
                 "arm",
@@ -193,8 +192,8 @@ def _check_correction(row: Row, correction: VeitscheggerWu, joint: Joint, proble
         problems,
         row,
         wrong[0],
-        f"the correction would change the motion of the {joint.kind} {joint.name}: it {moved}; only {listed(free)} may be "
-        "non-zero.",
+        f"the correction would change the motion of the {joint.kind} {joint.name}: it {moved}; "
+        f"only {listed(free)} may be non-zero.",
     )
 
 
@@ -227,8 +226,8 @@ def _read_inertias(sources: Sources, parts: Parts, settings: Settings, problems:
                 problems,
                 open_signs[0],
                 "Ixy",
-                "the sign of the products of inertia is open: both conventions give possible bodies, and robot.yaml does "
-                "not say products_of_inertia: tensor or integral (tensor is taken).",
+                "the sign of the products of inertia is open: both conventions give possible bodies, and robot.yaml "
+                "does not say products_of_inertia: tensor or integral (tensor is taken).",
                 warning=True,
             )
     parts.inertias = tuple(inertias)
@@ -279,17 +278,16 @@ def read_effect(
         kinds: Kind of each joint.
         problems: Takes what is wrong.
     """
-    if name not in catalogue():
-        problems.error(
-            f"no effect {name[:80]!r} is installed; {nearest(name, catalogue())} Installed: {listed(catalogue())}.",
-            raw.file,
-            raw.line,
-        )
-        return ()
     try:
         effect = effect_named(name)
     except PluginError as error:
-        problems.error(str(error), raw.file, raw.line)
+        installed = catalogue()
+        message = str(error)
+        if name not in installed:
+            message = (
+                f"no effect {name[:80]!r} is installed; {nearest(name, installed)} Installed: {listed(installed)}."
+            )
+        problems.error(message, raw.file, raw.line)
         return ()
     rows: list[EffectRow] = []
     for row in read_rows(raw, effect_table(effect), problems, n=n, kinds=kinds):
@@ -313,8 +311,8 @@ def check_rivals(effects: Mapping[str, Sequence[EffectRow]], files: Mapping[str,
             value = row.values.get(other_column, math.inf)
             if row.at in stiff and math.isfinite(value):
                 problems.error(
-                    f"{joint_name(row.at)} has {one} and a finite {other_column} of {other}, which are the same spring; "
-                    f"keep one ({other_column} is rigid with inf).",
+                    f"{joint_name(row.at)} has {one} and a finite {other_column} of {other}, which are the same "
+                    f"spring; keep one ({other_column} is rigid with inf).",
                     files.get(other),
                     None,
                     other_column,

@@ -58,7 +58,7 @@ def shortened(text: str | None) -> str | None:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """ " Did you mean ...?" or a list of what there is."""
+    """The known name that is nearest, as a question, or all of them."""
     names = sorted(known)
     near = difflib.get_close_matches(name[:80], names, 1)
     if near:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..effects import EffectRow
 from ..errors import DatabaseError, Problem
+from ..representation import JointKind
 from .bodies import other_sign
 from .convention import craig_in_standard, moved_inertias, moved_visuals, standard_base, standard_rows
 from .database import Database, with_effects
@@ -68,7 +69,7 @@ def load_effects(folder: Path, database: Database) -> FrozenMap[str, tuple[Effec
         hint = f"; did you mean {inner}?" if inner.is_dir() else "."
         problems.error(f"this is no folder with tables of effects, <effect>.dat{hint}", str(folder))
     effects: dict[str, tuple[EffectRow, ...]] = {}
-    kinds = [joint.kind for joint in database.joints]
+    kinds: list[JointKind] = [joint.kind for joint in database.joints]
     for path in tables:
         text = read_text(path, path.name, problems)
         raw = None if text is None else parse_table(text, path.name, problems)

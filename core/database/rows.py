@@ -212,7 +212,8 @@ def _read_keys(
         missing = [key for key in range(1, last + 1) if key not in seen]
         if missing and len(keyed) == len(raw.rows):
             problems.error(
-                f"{table.key} {listed([str(key) for key in missing[:10]])} {'are' if len(missing) > 1 else 'is'} missing; "
+                f"{table.key} {listed([str(key) for key in missing[:10]])} {'are' if len(missing) > 1 else 'is'} "
+                f"missing; "
                 f"{_range(table.key, first, last)}.",
                 raw.file,
                 raw.rows[-1].line if raw.rows else raw.line,
@@ -286,8 +287,8 @@ def _read_numbers(
         if by is None:
             if not misfit_told:
                 problems.error(
-                    f"{heading.unit} is of the wrong kind for the {kind} {table.key} {row.at}; where joints of both kinds "
-                    f"are in a table, name both units, as {column.name}[{column.unit}].",
+                    f"{heading.unit} is of the wrong kind for the {kind} {table.key} {row.at}; where joints of both "
+                    f"kinds are in a table, name both units, as {column.name}[{column.unit}].",
                     raw.file,
                     raw.line,
                     column.name,
@@ -295,14 +296,16 @@ def _read_numbers(
                 )
             misfit_told = True
             continue
-        row.values[column.name] = to_si(text, value, by)
+        value = to_si(text, value, by)
+        fault = bounds_fault(value, column)
+        if fault is not None:
+            problems.error(fault, raw.file, row.raw.line_of(index), column.name, text)
+        else:
+            row.values[column.name] = value
 
 
 def cell_value(text: str, column: Column) -> tuple[float, str | None]:
-    """The number of a cell before its unit, and what is wrong with it as a sentence.
-
-    Bounds are zero or without a unit throughout the catalogue, or given in SI and looked at as they are.
-    """
+    """The number of a cell before its unit, and what is wrong with it as a sentence; bounds are not looked at."""
     value = read_number(text)
     if value is None:
         if text.lower().strip("+-") == "nan":
@@ -310,16 +313,20 @@ def cell_value(text: str, column: Column) -> tuple[float, str | None]:
         return 0.0, f"{column.name} is a number, such as 0.25 or 1e-3, of at most 1e308."
     if math.isinf(value) and not column.infinite:
         return 0.0, f"{column.name} must be finite."
-    return value, bounds_fault(value, column)
+    return value, None
 
 
 def bounds_fault(value: float, column: Column) -> str | None:
-    """What a value's bounds say against it."""
+    """What a column's bounds say against a value in SI, as a sentence."""
     if value < column.minimum or (column.exclusive and value == column.minimum):
-        return f"{column.name} must be {'above' if column.exclusive else 'at least'} {column.minimum:g}."
+        return f"{column.name} must be {'above' if column.exclusive else 'at least'} {column.minimum!r}{_in(column)}."
     if value > column.maximum or (column.exclusive and value == column.maximum and not column.infinite):
-        return f"{column.name} must be {'below' if column.exclusive else 'at most'} {column.maximum:g}."
+        return f"{column.name} must be {'below' if column.exclusive else 'at most'} {column.maximum!r}{_in(column)}."
     return None
+
+
+def _in(column: Column) -> str:
+    return f" {column.unit}" if column.unit and column.minimum != 0.0 else ""
 
 
 def column_scale(heading: Heading, column: Column, raw: RawTable, problems: Problems) -> Scale | None:

@@ -21,7 +21,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
 _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _TEXT = re.compile(r"[^\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]*")
 
-_KEYS = (
+SETTINGS = (
     "name",
     "gravity",
     "base",
@@ -103,8 +103,8 @@ def read_settings(entries: Entries, tables: Iterable[str], file: str, problems: 
     for key, node in entries.entries:
         if key.text in tables:
             continue
-        if key.text not in _KEYS:
-            notes.error(f"there is no key {key.text[:80]!r}; {nearest(key.text, _KEYS)}", key, key.text[:80])
+        if key.text not in SETTINGS:
+            notes.error(f"there is no key {key.text[:80]!r}; {nearest(key.text, SETTINGS)}", key, key.text[:80])
         elif not (isinstance(node, Scalar) and node.empty):
             nodes[key.text], lines[key.text] = node, key.line
     settings.given, settings.lines = frozenset(nodes), lines
@@ -175,8 +175,6 @@ def _read_levels(node: Node, notes: Notes) -> tuple[Level, ...]:
         if not is_label(key.text):
             notes.error("a level's name is made of at most 64 letters, digits, _ and -.", key, column)
             continue
-        if isinstance(value, Scalar) and value.empty:
-            value = Items((), value.line)
         if not isinstance(value, Items):
             notes.error(f"the level {key.text!r} is a list of effects, such as [joint_compliance].", value, column)
             continue
@@ -362,8 +360,8 @@ def _mesh_path(node: Node, column: str, notes: Notes) -> str:
     path = text(node, column, notes) or ""
     if not path or len(path) > 200 or not _MESH.fullmatch(path):
         notes.error(
-            "a mesh is a path within the database's folder, such as meshes/arm.stl: letters, digits, and _ . + - blank, "
-            "parts separated by /, none beginning with a dot.",
+            "a mesh is a path within the database's folder, such as meshes/arm.stl: letters, digits, _ . + - and "
+            "blanks, parts separated by /, none beginning with a dot.",
             node,
             column,
         )

@@ -11,6 +11,7 @@ from ..effects import catalogue
 from ..errors import DatabaseError, Problem
 from .problems import Problems, nearest
 from .schema import TABLES
+from .settings import SETTINGS
 from .table import MOST_COLUMNS, MOST_ROWS, Heading, RawRow, RawTable, parse_heading, parse_table, read_text
 from .yaml_tree import LARGEST_YAML, Entries, Items, Node, Scalar, parse_yaml
 
@@ -78,7 +79,7 @@ def find(source: str | Path) -> Path:
     raise DatabaseError(
         (
             Problem(
-                f"there is no such folder or file, and no built-in robot of that name; {nearest(str(source), built_in())}",
+                f"there is no such folder or file, nor a built-in robot; {nearest(str(source), built_in())}",
                 value=str(source)[:200],
             ),
         )
@@ -95,8 +96,8 @@ def gather(path: Path, problems: Problems) -> Sources:
     sources = Sources(path.parent, path.name)
     if path.suffix.lower() not in YAML_SUFFIXES:
         problems.error(
-            f"a database is a folder or a file ending in {' or '.join(YAML_SUFFIXES)}; a URDF or MJCF file becomes one by "
-            "mbexport import.",
+            f"a database is a folder or a file ending in {' or '.join(YAML_SUFFIXES)}; a URDF or MJCF file "
+            "becomes one by mbexport import.",
             path.name,
         )
         return sources
@@ -171,7 +172,9 @@ def table_keys(entries: Entries) -> list[str]:
     keys: list[str] = []
     for key, _ in entries.entries:
         folder, slash, name = key.text.partition("/")
-        if key.text in fixed or (slash and folder in {"effects", "motions"} and name) or key.text in catalogue():
+        listed_table = key.text in fixed or (slash and folder in {"effects", "motions"} and name)
+        # the catalogue asks for all that is installed, which takes milliseconds: for strange keys only
+        if listed_table or (key.text not in SETTINGS and key.text in catalogue()):
             keys.append(key.text)
     return keys
 

@@ -115,7 +115,9 @@ def factor_by_library(unit: str, si: str) -> Decimal | None:
 def _registry() -> Any:
     import pint
 
-    registry: Any = pint.UnitRegistry(None, non_int_type=Decimal)
+    # pint's annotations know neither a registry without a file nor numbers other than floats
+    make: Any = pint.UnitRegistry
+    registry = make(None, non_int_type=Decimal)
     registry.load_definitions([line.strip() for line in DEFINITIONS.strip().splitlines()])
     return registry
 

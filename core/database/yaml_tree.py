@@ -81,8 +81,9 @@ def parse_yaml(text: str, file: str, problems: Problems) -> Node | None:
     except _StopError as stop:
         problems.error(stop.message, file, stop.line, None, stop.value)
     except MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        what = " ".join(str(part) for part in (error.context, error.problem) if part)
+        marked = cast("Any", error)
+        mark = marked.problem_mark or marked.context_mark
+        what = " ".join(str(part) for part in (marked.context, marked.problem) if part)
         problems.error(f"this is no YAML: {what}.", file, mark.line + 1 if mark else None)
     except YAMLError as error:
         problems.error(f"this is no YAML: {' '.join(str(error).split())}.", file)
@@ -101,6 +102,8 @@ def _build(events: Any, problems: Problems, file: str) -> Node | None:
     documents = 0
     total = 0
     for event in events:
+        # the library's classes are untyped, so narrowing would make everything of them unknown
+        unnarrowed: Any = event
         line = int(event.start_mark.line) + 1 if event.start_mark else 1
         if isinstance(event, kind.DocumentStartEvent):
             documents += 1
@@ -117,7 +120,7 @@ def _build(events: Any, problems: Problems, file: str) -> Node | None:
             anchor = None
         elif isinstance(event, kind.ScalarEvent):
             _refuse_tag(event, line)
-            done = Scalar(str(event.value), line, event.style in {None, ""})
+            done = Scalar(unnarrowed.value, line, unnarrowed.style in {None, ""})
         elif isinstance(event, kind.SequenceStartEvent | kind.MappingStartEvent):
             _refuse_tag(event, line)
             if len(stack) >= DEEPEST:
