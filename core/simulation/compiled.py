@@ -42,7 +42,16 @@ def _teach_numba() -> None:
     # overload wants the very same signature, annotations included
     law_by_address.__annotations__ = {}
     extending.overload(drive_law.call_law, strict=False)(law_by_address)
-    for helper in (drive_law.transmitted_torque, drive_law.drive_torques, drive_law.factorised, drive_law.solved):
+    for helper in (
+        drive_law.transmitted_torque,
+        drive_law.drive_torques,
+        drive_law.factorised,
+        drive_law.solved,
+        drive_law.loaded_torques,
+        drive_law.memory_torques,
+        drive_law.coordinate_torques,
+        drive_law.flat_memory,
+    ):
         as_it_stands(helper)
 
 
@@ -59,14 +68,20 @@ def compile_text(function: Any) -> Any:
 
 @cache
 def compiled_torques() -> Any:
-    """`drive_law.drive_torques`, compiled; takes a DriveTable whose laws are addresses."""
-    return compile_text(drive_law.drive_torques)
+    """`drive_law.flat_torques`, compiled; the laws in the memory's table are addresses."""
+    return compile_text(drive_law.flat_torques)
+
+
+@cache
+def compiled_coordinate_torques() -> Any:
+    """`drive_law.flat_coordinate_torques`, compiled; the laws in the memory's table are addresses."""
+    return compile_text(drive_law.flat_coordinate_torques)
 
 
 @cache
 def compiled_loaded_torques() -> Any:
-    """`drive_law.loaded_torques`, compiled."""
-    return compile_text(drive_law.loaded_torques)
+    """`drive_law.flat_loaded_torques`, compiled."""
+    return compile_text(drive_law.flat_loaded_torques)
 
 
 def uses_load(effect: str, law: str) -> bool:

@@ -287,3 +287,189 @@ def loaded_torques(
     drive_torques(
         table, stick_anchor, slip_anchor, t, q, dq, theta, dtheta, load, transmitted, reaction, friction, on_arm, accept
     )
+
+
+class DriveMemory(NamedTuple):
+    """What the drives' equations work on, for all n joints, so that it can be handed on as one.
+
+    Attributes:
+        q, dq, theta, dtheta, load, transmitted, reaction, friction, on_arm: As `drive_torques` has them, shape (n,).
+        stick_anchor, slip_anchor: Memory of friction, shapes (n,) and (s,).
+        table: The drives.
+    """
+
+    q: Any
+    dq: Any
+    theta: Any
+    dtheta: Any
+    load: Any
+    transmitted: Any
+    reaction: Any
+    friction: Any
+    on_arm: Any
+    stick_anchor: Any
+    slip_anchor: Any
+    table: DriveTable
+
+
+def memory_torques(memory: DriveMemory, t: float, accept: bool) -> None:
+    """`drive_torques` at the state that stands in memory."""
+    drive_torques(
+        memory.table,
+        memory.stick_anchor,
+        memory.slip_anchor,
+        t,
+        memory.q,
+        memory.dq,
+        memory.theta,
+        memory.dtheta,
+        memory.load,
+        memory.transmitted,
+        memory.reaction,
+        memory.friction,
+        memory.on_arm,
+        accept,
+    )
+
+
+def coordinate_torques(memory: DriveMemory, t: float, x: Any, v: Any, command: Any, out: Any, accept: bool) -> None:
+    """Torques on the coordinates of an engine: q_1 ... q_n, then the motor sides of the elastic joints.
+
+    Where there are the n arm sides only, the motor sides of elastic joints are where memory says (imposed motion).
+
+    Args:
+        memory: The drives; its state and torques are written.
+        t: Time [s].
+        x: Coordinates, shape (n + e,) or (n,).
+        v: Their speeds.
+        command: Motor torque before the drives' gain, shape (n,).
+        out: Out: torque on every coordinate, without inertia and gravity, shape as x.
+        accept: As `drive_torques`.
+    """
+    n = len(command)
+    free = len(x) > n
+    motor = n
+    for i in range(n):
+        memory.q[i] = x[i]
+        memory.dq[i] = v[i]
+        if memory.table.elastic[i] == 0:
+            memory.theta[i] = x[i]
+            memory.dtheta[i] = v[i]
+        elif free:
+            memory.theta[i] = x[motor]
+            memory.dtheta[i] = v[motor]
+            motor += 1
+    memory_torques(memory, t, accept)
+    motor = n
+    for i in range(n):
+        driving = memory.table.gain[i] * command[i] - memory.friction[i]
+        if memory.table.elastic[i] == 0:
+            out[i] = driving + memory.on_arm[i]
+        else:
+            out[i] = memory.transmitted[i] + memory.on_arm[i]
+            if free:
+                out[motor] = driving - memory.reaction[i]
+                motor += 1
+
+
+def flat_sizes(n: int, m: int, s: int) -> tuple[int, int]:
+    """Lengths of the two flat arrays that hold the memory of n joints, m terms and s slip elements."""
+    return 21 * n + 8 * m + 3 * s, 3 + n + 2 * (n + 1) + 2 * m
+
+
+def flat_memory(numbers: Any, counts: Any) -> DriveMemory:
+    """Memory as views into two flat arrays: a compiled call that takes two arrays costs a fifth of one that takes 30.
+
+    Args:
+        numbers: float64.
+        counts: int64, beginning with n, m, s.
+    """
+    n = counts[0]
+    m = counts[1]
+    s = counts[2]
+    a = 21 * n
+    b = a + 8 * m
+    c = 3 + n
+    d = c + 2 * (n + 1)
+    return DriveMemory(
+        numbers[:n],
+        numbers[n : 2 * n],
+        numbers[2 * n : 3 * n],
+        numbers[3 * n : 4 * n],
+        numbers[4 * n : 5 * n],
+        numbers[5 * n : 6 * n],
+        numbers[6 * n : 7 * n],
+        numbers[7 * n : 8 * n],
+        numbers[8 * n : 9 * n],
+        numbers[9 * n : 10 * n],
+        numbers[b : b + s],
+        DriveTable(
+            numbers[10 * n : 11 * n],
+            counts[3:c],
+            numbers[11 * n : 12 * n],
+            numbers[12 * n : 13 * n],
+            numbers[13 * n : 14 * n],
+            numbers[14 * n : 15 * n],
+            numbers[15 * n : 16 * n],
+            numbers[16 * n : 17 * n],
+            numbers[17 * n : 18 * n],
+            numbers[18 * n : 19 * n],
+            numbers[19 * n : 20 * n],
+            numbers[20 * n : 21 * n],
+            counts[c : c + n + 1],
+            counts[d : d + m],
+            counts[d + m : d + 2 * m],
+            numbers[a:b].reshape((m, 8)),
+            counts[c + n + 1 : d],
+            numbers[b + s : b + 2 * s],
+            numbers[b + 2 * s : b + 3 * s],
+        ),
+    )
+
+
+def flat_torques(numbers: Any, counts: Any, t: float, accept: bool) -> None:
+    """`memory_torques` on flat memory."""
+    memory_torques(flat_memory(numbers, counts), t, accept)
+
+
+def flat_coordinate_torques(
+    numbers: Any, counts: Any, t: float, x: Any, v: Any, command: Any, out: Any, accept: bool
+) -> None:
+    """`coordinate_torques` on flat memory."""
+    coordinate_torques(flat_memory(numbers, counts), t, x, v, command, out, accept)
+
+
+def flat_loaded_torques(
+    numbers: Any,
+    counts: Any,
+    t: float,
+    accept: bool,
+    command: Any,
+    mass_matrix: Any,
+    bias: Any,
+    factor: Any,
+    ddq: Any,
+) -> None:
+    """`loaded_torques` on flat memory."""
+    memory = flat_memory(numbers, counts)
+    loaded_torques(
+        memory.table,
+        memory.stick_anchor,
+        memory.slip_anchor,
+        t,
+        memory.q,
+        memory.dq,
+        memory.theta,
+        memory.dtheta,
+        memory.load,
+        memory.transmitted,
+        memory.reaction,
+        memory.friction,
+        memory.on_arm,
+        accept,
+        command,
+        mass_matrix,
+        bias,
+        factor,
+        ddq,
+    )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .drive_law import ARM, ERROR, ERROR_SLOPE, LEVEL, RESISTANCE, DriveTable
+from .drive_law import ARM, ERROR, ERROR_SLOPE, LEVEL, RESISTANCE, DriveMemory, DriveTable
 
 
 def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native: Collection[str] = ()) -> DriveTable:
@@ -30,11 +30,11 @@ def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native:
     laws = [law_of(term["effect"], term["law"]) for term in terms]
     addresses = all(isinstance(law, int) for law in laws)
 
-    def of_spring(name: str) -> Any:
-        return np.array([joint["spring"][name] if joint["spring"] else 0.0 for joint in joints])
+    def each(name: str) -> Any:
+        return np.array([joint[name] for joint in joints], dtype=float)
 
-    def of_stick(name: str) -> Any:
-        return np.array([joint["stick"][name] if joint["stick"] else 0.0 for joint in joints])
+    def part(of: str, name: str) -> Any:
+        return np.array([joint[of][name] if joint[of] else 0.0 for joint in joints], dtype=float)
 
     def first(name: str) -> Any:
         return np.cumsum([0, *(len(joint[name]) for joint in joints)], dtype=np.int64)
@@ -43,23 +43,36 @@ def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native:
     pull = [sum(spring["stiffness"] for spring in joint["arm_springs"]) for joint in joints]
     moment = [sum(spring["stiffness"] * spring["rest"] for spring in joint["arm_springs"]) for joint in joints]
     return DriveTable(
-        inertia=np.array([joint["inertia"] for joint in joints]),
+        inertia=each("inertia"),
         elastic=np.array([joint["spring"] is not None for joint in joints], dtype=np.int64),
-        stiffness=of_spring("stiffness"),
-        spring_damping=of_spring("damping"),
-        half_gap=of_spring("gap") / 2,
-        damping=np.array([0.0 if "damping" in native else joint["damping"] for joint in joints]),
-        gain=np.array([joint["gain"] for joint in joints]),
-        arm_stiffness=np.array([0.0 if "arm_springs" in native else float(k) for k in pull]),
+        stiffness=part("spring", "stiffness"),
+        spring_damping=part("spring", "damping"),
+        half_gap=part("spring", "gap") / 2,
+        damping=each("damping") * ("damping" not in native),
+        gain=each("gain"),
+        arm_stiffness=np.array(pull, dtype=float) * ("arm_springs" not in native),
         arm_rest=np.array([m / k if k else 0.0 for m, k in zip(moment, pull, strict=True)]),
-        stick_displacement=of_stick("displacement") * (friction["model"] == "stick"),
-        stick_time=of_stick("time"),
-        smooth_velocity=np.array([friction["velocity"] for _ in joints]),
+        stick_displacement=part("stick", "displacement") * (friction["model"] == "stick"),
+        stick_time=part("stick", "time"),
+        smooth_velocity=np.full(len(joints), float(friction["velocity"])),
         first=first("terms"),
         kinds=np.array([kinds[term["kind"]] for term in terms], dtype=np.int64),
         laws=np.array(laws, dtype=np.int64) if addresses else laws,
         parameters=parameters,
         slip_first=first("slips"),
-        slip_stiffness=np.array([float(slip["stiffness"]) for slip in slips]),
-        slip_level=np.array([float(slip["level"]) for slip in slips]),
+        slip_stiffness=np.array([slip["stiffness"] for slip in slips], dtype=float),
+        slip_level=np.array([slip["level"] for slip in slips], dtype=float),
     )
+
+
+def drive_memory(table: DriveTable) -> DriveMemory:
+    """Memory for a table, everything at zero."""
+    n = len(table.inertia)
+    return DriveMemory(*(np.zeros(n) for _ in range(10)), np.zeros(len(table.slip_level)), table)
+
+
+def relax(memory: DriveMemory) -> None:
+    """Friction and hysteresis at zero force at the state that stands in memory."""
+    table = memory.table
+    memory.stick_anchor[:] = memory.theta + table.stick_time * memory.dtheta
+    memory.slip_anchor[:] = np.repeat(memory.theta, np.diff(table.slip_first))

@@ -7,15 +7,26 @@ from collections.abc import Collection
 import numpy as np
 
 from .backend import MachineState, Vector
-from .compiled import compiled_loaded_torques, compiled_torques, law_address, uses_load
+from .compiled import (
+    compiled_coordinate_torques,
+    compiled_loaded_torques,
+    compiled_torques,
+    law_address,
+    uses_load,
+)
+from .drive_law import flat_memory, flat_sizes
 from .drive_sheet import DriveSheet
+from .drive_table import relax
 
 
 class Drives:
     """What every engine asks for the joint torques that it does not have by itself.
 
+    All arrays are views into two flat ones, so that a call of the compiled equations costs about a microsecond.
+
     Attributes:
         table: The drives as arrays.
+        q, dq, theta, dtheta: State of the last evaluation, shape (n,).
         load: T of rigid joints, where laws need it: solved by `evaluate_loaded`, or set before `evaluate`, shape (n,).
         needs_load: Some law at a rigid joint needs it.
         transmitted: T of elastic joints at the last evaluated state, shape (n,).
@@ -23,52 +34,56 @@ class Drives:
         friction: Friction on the motor side, positive against positive speed.
         on_arm: Torque on the arm beside T.
         stick_anchor, slip_anchor: Memory of sticking friction and of slip elements.
+        numbers, counts: The flat memory, for compiled callbacks of an engine.
     """
 
     def __init__(self, sheet: DriveSheet, *, native: Collection[str] = ()) -> None:
         """Take the drives of a sheet, less what the engine does natively (see `DriveSheet.table`)."""
-        n = len(sheet.drives)
         self.sheet = sheet
-        self.table = sheet.table(law_address, native=native)
-        self.load = np.zeros(n)
-        self.transmitted = np.zeros(n)
-        self.reaction = np.zeros(n)
-        self.friction = np.zeros(n)
-        self.on_arm = np.zeros(n)
-        self.stick_anchor = np.zeros(n)
-        self.slip_anchor = np.zeros(len(self.table.slip_level))
+        table = sheet.table(law_address, native=native)
+        n, m, s = len(table.inertia), len(table.kinds), len(table.slip_level)
+        numbers, counts = flat_sizes(n, m, s)
+        self.numbers = np.zeros(numbers)
+        self.counts = np.zeros(counts, dtype=np.int64)
+        self.counts[:3] = n, m, s
+        self.memory = flat_memory(self.numbers, self.counts)
+        self.table = self.memory.table
+        for view, values in zip(self.table, table, strict=True):
+            view[...] = values
+        self.q: Vector = self.memory.q
+        self.dq: Vector = self.memory.dq
+        self.theta: Vector = self.memory.theta
+        self.dtheta: Vector = self.memory.dtheta
+        self.load: Vector = self.memory.load
+        self.transmitted: Vector = self.memory.transmitted
+        self.reaction: Vector = self.memory.reaction
+        self.friction: Vector = self.memory.friction
+        self.on_arm: Vector = self.memory.on_arm
+        self.stick_anchor: Vector = self.memory.stick_anchor
+        self.slip_anchor: Vector = self.memory.slip_anchor
         self.needs_load = any(
             uses_load(term.effect, term.law) for drive in sheet.drives if drive.spring is None for term in drive.terms
         )
         self._torques = compiled_torques()
+        self._coordinate_torques = compiled_coordinate_torques()
         self._factor = np.zeros((n, n))
         self._ddq = np.zeros(n)
 
+    @property
+    def remembers(self) -> bool:
+        """Friction has a state that moves with accepted steps."""
+        return bool(self.table.stick_displacement.any()) or len(self.table.slip_level) > 0
+
     def reset(self, state: MachineState) -> None:
         """Friction and hysteresis at zero force at this state."""
-        table = self.table
-        self.stick_anchor[:] = state.theta + table.stick_time * state.dtheta
-        joint_of_slip = np.repeat(np.arange(len(state.theta)), np.diff(table.slip_first))
-        self.slip_anchor[:] = state.theta[joint_of_slip]
+        self.theta[:] = state.theta
+        self.dtheta[:] = state.dtheta
+        relax(self.memory)
 
     def evaluate(self, t: float, q: Vector, dq: Vector, theta: Vector, dtheta: Vector, *, accept: bool = False) -> None:
         """Torques at a state, into the arrays of this object; `accept` where the integrator has accepted it."""
-        self._torques(
-            self.table,
-            self.stick_anchor,
-            self.slip_anchor,
-            t,
-            q,
-            dq,
-            theta,
-            dtheta,
-            self.load,
-            self.transmitted,
-            self.reaction,
-            self.friction,
-            self.on_arm,
-            accept,
-        )
+        self._write(q, dq, theta, dtheta)
+        self._torques(self.numbers, self.counts, t, accept)
 
     def evaluate_loaded(
         self,
@@ -96,28 +111,23 @@ class Drives:
             bias: Gravity, Coriolis and centrifugal torques, shape (n,).
             accept: The integrator has accepted this state.
         """
+        self._write(q, dq, theta, dtheta)
         compiled_loaded_torques()(
-            self.table,
-            self.stick_anchor,
-            self.slip_anchor,
-            t,
-            q,
-            dq,
-            theta,
-            dtheta,
-            self.load,
-            self.transmitted,
-            self.reaction,
-            self.friction,
-            self.on_arm,
-            accept,
-            command,
-            mass_matrix,
-            bias,
-            self._factor,
-            self._ddq,
+            self.numbers, self.counts, t, accept, command, mass_matrix, bias, self._factor, self._ddq
         )
+
+    def coordinate_torques(
+        self, t: float, x: Vector, v: Vector, command: Vector, out: Vector, accept: bool = False
+    ) -> None:
+        """Torques on coordinates (q, motor sides of elastic joints), see `drive_law.coordinate_torques`."""
+        self._coordinate_torques(self.numbers, self.counts, t, x, v, command, out, accept)
 
     def motor_torque(self, command: Vector) -> Vector:
         """What accelerates the motor sides: gain tau - friction - (1 + de/dtheta) T, shape (n,)."""
         return self.table.gain * command - self.friction - self.reaction
+
+    def _write(self, q: Vector, dq: Vector, theta: Vector, dtheta: Vector) -> None:
+        self.q[:] = q
+        self.dq[:] = dq
+        self.theta[:] = theta
+        self.dtheta[:] = dtheta
