@@ -107,8 +107,8 @@ def _limits(database: Database, problems: Problems) -> None:
             )
 
     unbounded = [joint for joint in database.joints if math.isinf(joint.lower) and math.isinf(joint.upper)]
-    # a revolute joint may well turn without end when others are limited
-    if len(unbounded) == database.n or any(joint.kind == "prismatic" for joint in unbounded):
+    # a revolute joint may turn without end, but hardly every one of an arm
+    if 1 < len(unbounded) == database.n or any(joint.kind == "prismatic" for joint in unbounded):
         told("position", unbounded)
     told("velocity", [joint for joint in database.joints if math.isinf(joint.velocity)])
     told("effort", [joint for joint in database.joints if math.isinf(joint.effort)])
