@@ -68,7 +68,7 @@ def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native:
 def drive_memory(table: DriveTable) -> DriveMemory:
     """Memory for a table, everything at zero."""
     n = len(table.inertia)
-    return DriveMemory(*(np.zeros(n) for _ in range(10)), np.zeros(len(table.slip_level)), table)
+    return DriveMemory._make([*(np.zeros(n) for _ in range(10)), np.zeros(len(table.slip_level)), table])
 
 
 def relax(memory: DriveMemory) -> None:
