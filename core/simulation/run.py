@@ -14,7 +14,7 @@ from ..errors import RefusedError, UsageError
 from ..representation import Robot
 from .backend import Backend, Engine, MachineState, Program, Vector
 from .backends import backend_named
-from .settle import sagged, settled
+from .settle import controlled_start, imposed_start
 from .step import choose_step, poses_of
 from .trace import Trace
 
@@ -83,11 +83,11 @@ def simulate(
             if imposed and not any(stage.drive.spring for stage in robot.stages):
                 record = _kinematic(robot, engine, followed, times)
             elif imposed:
-                begin = start or _start_imposed(robot, engine, followed)
+                begin = start or imposed_start(robot, engine, followed)
                 record = _elastic(robot, engine, followed, times, h, begin, tell)
             else:
                 controller = Controller(nominal or robot, robot, rules, law, length, torque)
-                begin = start or _start_controlled(robot, engine, followed, rules, controller)
+                begin = start or controlled_start(robot, engine, followed, rules, controller)
                 record = _controlled(robot, engine, controller, times, h, begin, tell)
         return _trace(robot, engine_backend, engine, law, rules, times, record, h, program)
     finally:
@@ -154,12 +154,6 @@ def _kinematic(robot: Robot, engine: Engine, law: MotionLaw, times: Vector) -> _
     return record
 
 
-def _start_imposed(robot: Robot, engine: Engine, law: MotionLaw) -> MachineState:
-    """Sagged under gravity, moving with the motor sides if the motion begins moving."""
-    theta, dtheta, _ = (row[0] for row in law.at(np.zeros(1)))
-    return MachineState(0.0, sagged(robot, engine, theta), dtheta.copy(), theta, dtheta)
-
-
 def _elastic(
     robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: float, begin: MachineState, tell: Tell
 ) -> _Record:
@@ -198,19 +192,6 @@ def _passed_by_rigid(
         rigid,
         ddtheta,
     ) - np.where(rigid, on_arm, 0.0)
-
-
-def _start_controlled(
-    robot: Robot, engine: Engine, law: MotionLaw, control: Control, controller: Controller
-) -> MachineState:
-    """At rest in equilibrium under the controller; where there are no gains, at rest at the command."""
-    command = law.at(np.zeros(1))[0][0]
-    still = np.zeros(robot.n)
-    kp = controller.kp
-    if control.mode == "torque" or not np.all(kp > 0.0):
-        return MachineState(0.0, sagged(robot, engine, command), still, command, still.copy())
-    q, theta = settled(robot, engine, command, kp, controller.feedforward_at_start())
-    return MachineState(0.0, q, still, theta, still.copy())
 
 
 def _controlled(

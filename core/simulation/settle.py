@@ -2,17 +2,50 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Protocol
+
 import numpy as np
 
 from ..errors import RefusedError
 from ..representation import Robot
-from .backend import Engine, Vector
+from .backend import MachineState, Vector
+
+if TYPE_CHECKING:
+    from ..control import Control, Controller
+    from ..motion import MotionLaw
 
 TOLERANCE = 1.0e-13
 ITERATIONS = 50
 
 
-def arm_load(robot: Robot, engine: Engine, q: Vector) -> Vector:
+class Weighed(Protocol):
+    """What knows the torques that hold the arms against gravity: a running engine, or the robot's own dynamics."""
+
+    def gravity(self, q: Vector) -> Vector:
+        """Torques at q, shape (n,)."""
+        ...
+
+
+def imposed_start(robot: Robot, engine: Weighed, law: MotionLaw) -> MachineState:
+    """Sagged under gravity, moving with the motor sides if the motion begins moving."""
+    theta, dtheta, _ = (row[0] for row in law.at(np.zeros(1)))
+    return MachineState(0.0, sagged(robot, engine, theta), dtheta.copy(), theta, dtheta)
+
+
+def controlled_start(
+    robot: Robot, engine: Weighed, law: MotionLaw, control: Control, controller: Controller
+) -> MachineState:
+    """At rest in equilibrium under the controller; where there are no gains, at rest at the command."""
+    command = law.at(np.zeros(1))[0][0]
+    still = np.zeros(robot.n)
+    kp = controller.kp
+    if control.mode == "torque" or not np.all(kp > 0.0):
+        return MachineState(0.0, sagged(robot, engine, command), still, command, still.copy())
+    q, theta = settled(robot, engine, command, kp, controller.feedforward_at_start())
+    return MachineState(0.0, q, still, theta, still.copy())
+
+
+def arm_load(robot: Robot, engine: Weighed, q: Vector) -> Vector:
     """Torque that the drives must pass to the arms at rest: gravity less the springs on the arm side, shape (n,)."""
     springs = [
         sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
@@ -21,7 +54,7 @@ def arm_load(robot: Robot, engine: Engine, q: Vector) -> Vector:
     return engine.gravity(q) + np.array(springs)
 
 
-def sagged(robot: Robot, engine: Engine, theta: Vector) -> Vector:
+def sagged(robot: Robot, engine: Weighed, theta: Vector) -> Vector:
     """Arm-side position at rest under gravity with the motor sides held at theta, shape (n,).
 
     Solves K (theta - q) = g(q) to convergence; the one-shot K^-1 g(theta) is off by up to 1.3 % on the paper's arm.
@@ -32,7 +65,7 @@ def sagged(robot: Robot, engine: Engine, theta: Vector) -> Vector:
     return _equilibrium(robot, engine, theta, np.zeros(robot.n))
 
 
-def settled(robot: Robot, engine: Engine, command: Vector, kp: Vector, feedforward: Vector) -> tuple[Vector, Vector]:
+def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforward: Vector) -> tuple[Vector, Vector]:
     """(q, theta) at rest under a proportional controller, shapes (n,).
 
     Args:
@@ -51,7 +84,7 @@ def settled(robot: Robot, engine: Engine, command: Vector, kp: Vector, feedforwa
     return q, held - arm_load(robot, engine, q) / (gain * kp)
 
 
-def _equilibrium(robot: Robot, engine: Engine, held: Vector, softness: Vector) -> Vector:
+def _equilibrium(robot: Robot, engine: Weighed, held: Vector, softness: Vector) -> Vector:
     """The q that solves q = held - (softness + 1/K) load(q), by Newton's method with a difference Jacobian."""
     give = softness + np.array(
         [1.0 / stage.drive.spring.stiffness if stage.drive.spring else 0.0 for stage in robot.stages]
