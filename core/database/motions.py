@@ -114,6 +114,7 @@ def _check_header(raw: RawTable, table: Table, kinds: Sequence[JointKind], probl
 def _values(raw: RawTable, index: int, column: Column, problems: Problems) -> tuple[float, ...]:
     """A column in SI; a cell that is no number is noted and left out."""
     scale = column_scale(raw.headings[index], column, raw, problems)
+    by = None if scale is None else scale.of("revolute")
     values: list[float] = []
     for row in raw.rows:
         text = row.cells[index]
@@ -123,6 +124,6 @@ def _values(raw: RawTable, index: int, column: Column, problems: Problems) -> tu
         value, fault = cell_value(text, column)
         if fault is not None:
             problems.error(fault, raw.file, row.line_of(index), column.name, text)
-        elif scale is not None and scale.revolute is not None:
-            values.append(to_si(text, value, scale.revolute))
+        elif by is not None:
+            values.append(to_si(text, value, by))
     return tuple(values)

@@ -106,10 +106,10 @@ def _read_kinematics(sources: Sources, parts: Parts, settings: Settings, problem
     raw = _table(sources, KINEMATICS, problems)
     if raw is None:
         # so that the other tables are still looked at
-        parts.n = max((len(table.rows) for name, table in sources.tables.items() if name != "corrections"), default=0)
+        parts.n = max((table.length for name, table in sources.tables.items() if name != "corrections"), default=0)
         return
-    parts.n = len(raw.rows)
-    if not raw.rows:
+    parts.n = raw.length
+    if not parts.n:
         problems.error("the robot has no arm.", raw.file, raw.line)
         return
     rows = read_rows(raw, KINEMATICS, problems, n=None, complete=True)

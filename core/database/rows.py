@@ -68,16 +68,17 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Factors to SI of one column, by the kind of the row's joint; None where the unit does not fit that kind."""
+    """Unit of a column as written and as it should be, each by the kind of the row's joint."""
 
-    revolute: Decimal | None
-    prismatic: Decimal | None
+    revolute: tuple[str, str]
+    prismatic: tuple[str, str]
 
     def of(self, kind: JointKind) -> Decimal | None:
-        return self.revolute if kind == "revolute" else self.prismatic
+        """Factor to SI; None where the unit does not fit joints of that kind.
 
-
-_SI = Scale(Decimal(1), Decimal(1))
+        Asked for only when it is needed: the other kind's may need the units library, which takes its time.
+        """
+        return factor(*(self.revolute if kind == "revolute" else self.prismatic))
 
 
 def read_number(text: str) -> float | None:
@@ -136,11 +137,20 @@ def read_rows(
 def check_header(raw: RawTable, table: Table, problems: Problems) -> dict[str, int]:
     """Column to its place in the row; unknown and repeated ones are noted and left out."""
     known = {table.key, *(column.name for column in table.columns)}
+    there = {heading.name for heading in raw.headings}
+    missing = [
+        name
+        for name in (table.key, *(c.name for c in table.columns if isinstance(c, Column) and c.default is None))
+        if name not in there
+    ]
+    lacks = f"lacks the column{'s' * (len(missing) > 1)} {listed(missing)}." if missing else ""
     indices: dict[str, int] = {}
     for index, heading in enumerate(raw.headings):
         if heading.name not in known:
+            # what is missing is mostly what is misspelt, so both are told in one
             problems.error(
-                f"{table.name} has no column {heading.name!r}; {nearest(heading.name, known)}",
+                f"{table.name} has no column {heading.name!r}; {nearest(heading.name, known)}"
+                + (f" The table {lacks}" if lacks else ""),
                 raw.file,
                 raw.line,
                 heading.name,
@@ -152,18 +162,8 @@ def check_header(raw: RawTable, table: Table, problems: Problems) -> dict[str, i
             )
         else:
             indices[heading.name] = index
-    missing = [
-        name
-        for name in (table.key, *(c.name for c in table.columns if isinstance(c, Column) and c.default is None))
-        if name not in indices
-    ]
-    if missing:
-        problems.error(
-            f"{table.name} lacks the column{'s' * (len(missing) > 1)} {listed(missing)}.",
-            raw.file,
-            raw.line,
-            missing[0],
-        )
+    if missing and there <= known:
+        problems.error(f"{table.name} {lacks}", raw.file, raw.line, missing[0])
     return indices
 
 
@@ -177,7 +177,7 @@ def _read_keys(
         )
     if table.key == "robot":
         return _read_robot_key(raw, index, problems)
-    last = n if n is not None else len(raw.rows)
+    last = n if n is not None else raw.length
     keyed: list[tuple[int, RawRow]] = []
     seen: dict[int, int] = {}
     for row in raw.rows:
@@ -208,9 +208,9 @@ def _read_keys(
             seen[key] = line
             keyed.append((key, row))
     if complete:
-        # the row of a key that could not be used has been told already
+        # a row that could not be used has been told already
         missing = [key for key in range(1, last + 1) if key not in seen]
-        if missing and len(keyed) == len(raw.rows):
+        if missing and len(keyed) == len(raw.rows) and not raw.lost:
             problems.error(
                 f"{table.key} {listed([str(key) for key in missing[:10]])} {'are' if len(missing) > 1 else 'is'} "
                 f"missing; "
@@ -331,33 +331,33 @@ def _in(column: Column) -> str:
 
 def column_scale(heading: Heading, column: Column, raw: RawTable, problems: Problems) -> Scale | None:
     """Factors of a column; None, with the problem noted, where its unit is none or of the wrong kind."""
-    unit = heading.unit
-    if unit is None:
-        return _SI
     revolute_si, pair, prismatic_si = column.unit.partition("|")
     if not pair:
         prismatic_si = revolute_si
+    unit = heading.unit
+    if unit is None:
+        return Scale((revolute_si, revolute_si), (prismatic_si, prismatic_si))
     revolute_unit, both, prismatic_unit = unit.partition("|")
     if not both:
         prismatic_unit = revolute_unit
+    scale = Scale((revolute_unit, revolute_si), (prismatic_unit, prismatic_si))
     try:
-        if both and not pair:
-            scale = Scale(None, None)
-        else:
-            scale = Scale(factor(revolute_unit, revolute_si), factor(prismatic_unit, prismatic_si))
+        fits = [scale.of("revolute") is not None]
+        if both or not fits[0]:
+            fits.append(scale.of("prismatic") is not None)
     except UnknownUnitError as error:
-        known = sorted(
-            {column.unit, *(u for u in COMMON if COMMON[u][0] in column.unit.split("|")), *column.unit.split("|")}
-        )
+        si = [text for text in dict.fromkeys((*column.unit.split("|"), column.unit)) if text]
+        others = [text for text, (to, _) in COMMON.items() if to in si]
         problems.error(
-            f"{error} is no unit; {column.name} is in {' or '.join(repr(u) for u in known if u) or 'plain numbers'}.",
+            f"{str(error)[:60]!r} is no unit; {column.name} is "
+            + (f"in {' or '.join((*si, *others))}." if si else "a plain number."),
             raw.file,
             raw.line,
             column.name,
             str(heading),
         )
         return None
-    if (both and (scale.revolute is None or scale.prismatic is None)) or (scale.revolute is scale.prismatic is None):
+    if (both and not (pair and all(fits))) or not any(fits):
         problems.error(
             f"{unit} is a unit of the wrong kind; {column.name} is "
             + (f"in {column.unit} or multiples of it." if column.unit else "a plain number."),

@@ -365,4 +365,5 @@ def _mesh_path(node: Node, column: str, notes: Notes) -> str:
             node,
             column,
         )
+        return ""
     return path

@@ -289,6 +289,7 @@ def _table_of_lists(node: Items, name: str, file: str, problems: Problems) -> Ra
     header: tuple[Heading, ...] | None = None
     rows: list[RawRow] = []
     whole = True
+    lost = 0
     for item in node.items:
         words = [cell for cell in item.items if isinstance(cell, Scalar)] if isinstance(item, Items) else []
         if not isinstance(item, Items) or len(words) != len(item.items):
@@ -305,13 +306,14 @@ def _table_of_lists(node: Items, name: str, file: str, problems: Problems) -> Ra
             problems.error(
                 f"the row has {len(words)} cells, the first one names {len(header)} columns.", file, item.line, name
             )
+            lost += 1
         else:
             rows.append(
                 RawRow(item.line, tuple(_cell_text(cell) for cell in words), tuple(cell.line for cell in words))
             )
     if header is None or not whole:
         return None
-    return RawTable(file, node.items[0].line, header, tuple(rows))
+    return RawTable(file, node.items[0].line, header, tuple(rows), lost)
 
 
 def _cell_text(scalar: Scalar) -> str:

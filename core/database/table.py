@@ -59,12 +59,19 @@ class RawTable:
         line: Line of the header.
         headings: The columns in the file's order.
         rows: The rows in the file's order.
+        lost: How many rows more there are that could not be read, as has been noted.
     """
 
     file: str
     line: int
     headings: tuple[Heading, ...]
     rows: tuple[RawRow, ...]
+    lost: int = 0
+
+    @property
+    def length(self) -> int:
+        """Number of rows, those that could not be read included."""
+        return len(self.rows) + self.lost
 
 
 def parse_heading(text: str) -> Heading | None:
@@ -81,6 +88,7 @@ def parse_table(text: str, file: str, problems: Problems) -> RawTable | None:
     headings: tuple[Heading, ...] | None = None
     header_line = 0
     rows: list[RawRow] = []
+    lost = 0
     for number, full_line in enumerate(lines_of(text), 1):
         words = full_line.partition("#")[0].split()
         if not words:
@@ -98,6 +106,7 @@ def parse_table(text: str, file: str, problems: Problems) -> RawTable | None:
                 None,
                 words[0],
             )
+            lost += 1
             continue
         rows.append(RawRow(number, tuple(words)))
         if len(rows) > MOST_ROWS:
@@ -106,7 +115,7 @@ def parse_table(text: str, file: str, problems: Problems) -> RawTable | None:
     if headings is None:
         problems.error("the table is empty; its first line names the columns.", file)
         return None
-    return RawTable(file, header_line, headings, tuple(rows))
+    return RawTable(file, header_line, headings, tuple(rows), lost)
 
 
 def _parse_header(words: list[str], file: str, line: int, problems: Problems) -> tuple[Heading, ...] | None:
