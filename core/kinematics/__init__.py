@@ -2,10 +2,11 @@
 
 from .dynamics import Dynamics, chain_table, dynamics
 from .forward import Kinematics, arms_in_base, jacobian, joints_in_base, kinematics, reach, tool_in_base
-from .inverse import InverseKinematics, Task, independent_joints, inverse_kinematics
+from .inverse import REACHED, InverseKinematics, Task, independent_joints, inverse_kinematics, shortest_turn
 from .rigid_body import ChainTable
 
 __all__ = [
+    "REACHED",
     "ChainTable",
     "Dynamics",
     "InverseKinematics",
@@ -20,5 +21,6 @@ __all__ = [
     "joints_in_base",
     "kinematics",
     "reach",
+    "shortest_turn",
     "tool_in_base",
 ]

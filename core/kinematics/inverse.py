@@ -24,6 +24,8 @@ SINGULAR = 1.0e-3
 # a joint that moves further than this between two points of a path has changed branch [rad or reach]
 JUMP = 0.5
 ITERATIONS = 100
+# a step or an error this small is followed by nothing but rounding
+ROUNDING = 1.0e-13
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +125,7 @@ class InverseKinematics:
         tool, jacobian = self.chain.tool_and_jacobian(q)
         error = self._error(tool, target_in_base)
         size = float(error @ error)
-        damping = 1.0e-3
+        damping = 1.0e-6
         for _ in range(ITERATIONS):
             matrix = self._project(jacobian, target_in_base)[:, free] * unit
             normal = matrix.T @ matrix
@@ -136,8 +138,10 @@ class InverseKinematics:
             if trial_size < size:
                 q, jacobian, error, size = trial, trial_jacobian, trial_error, trial_size
                 damping = max(damping * 0.1, 1.0e-14)
-            elif size < REACHED**2 * 1.0e-6 or damping > 1.0e8:
-                break  # rounding, or no way down
+                if np.max(np.abs(step)) < ROUNDING:
+                    break
+            elif size < ROUNDING**2 or damping > 1.0e8:
+                break  # no way down
             else:
                 damping *= 10.0
         return q, float(np.max(np.abs(error)))
@@ -158,10 +162,16 @@ class InverseKinematics:
             np.linalg.norm(self._scaled(twist - got)) / max(float(np.linalg.norm(self._scaled(twist))), 1e-300)
         )
 
-    def condition(self, q: Array) -> float:
-        """Smallest over largest singular value of the scaled Jacobian of the task at q; 0 is singular."""
+    def condition(self, q: Array, rank: int | None = None) -> float:
+        """Smallest over largest singular value of the scaled Jacobian of the task at q; 0 is singular.
+
+        Args:
+            q: Joint positions, shape (n,).
+            rank: Count so many singular values, the largest first; None: one for each free joint.
+        """
         values = np.linalg.svd(self._matrix(q), compute_uv=False)
-        return float(values[len(self.free) - 1] / values[0]) if values[0] > 0.0 else 0.0
+        last = (len(self.free) if rank is None else rank) - 1
+        return float(values[last] / values[0]) if last < len(values) and values[0] > 0.0 else 0.0
 
     def singular(self, q: Array) -> str:
         """What is singular at q, in words; "" where nothing is."""
@@ -235,7 +245,7 @@ class InverseKinematics:
         if self.task == "pose":
             error[3:] = rotation_vector(target[:3, :3] @ tool[:3, :3].T)
         elif self.task == "axis":
-            error[3:] = _turn_between(tool[:3, 2], target[:3, 2])
+            error[3:] = turn_between(tool[:3, 2], target[:3, 2])
         return error
 
     def _turned_into_limits(self, q: Array) -> Array:
@@ -318,8 +328,8 @@ def rotation_vector(rotation: NDArray[np.float64]) -> Array:
     return axis * (angle / float(np.linalg.norm(axis)))
 
 
-def _turn_between(a: Array, b: Array) -> Array:
-    """Shortest rotation vector (3,) that turns unit vector a onto b."""
+def turn_between(a: Array, b: Array) -> Array:
+    """Shortest rotation vector (3,) [rad] that turns unit vector a onto b."""
     cross = np.array(np.cross(a, b), dtype=np.float64)
     length = float(np.linalg.norm(cross))
     angle = math.atan2(length, float(a @ b))
@@ -327,5 +337,15 @@ def _turn_between(a: Array, b: Array) -> Array:
         return cross * (angle / length)
     if a @ b > 0.0:
         return cross
-    perpendicular = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+    perpendicular = np.array(np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]), dtype=np.float64)
     return perpendicular * (angle / float(np.linalg.norm(perpendicular)))
+
+
+def shortest_turn(a: Array, b: Array) -> Array:
+    """Rotation matrix (3, 3) that turns unit vector a onto b by the shortest way (Rodrigues' formula)."""
+    vector = turn_between(a, b)
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # sin(angle) / angle and (1 - cos(angle)) / angle^2, both good at 0
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * (cross @ cross)

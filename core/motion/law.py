@@ -76,7 +76,8 @@ class MotionLaw:
 
     def table(self) -> MotionTable:
         """The law for `evaluate.motion_at` and for scripts."""
-        return MotionTable(np.ascontiguousarray(self.knots), np.ascontiguousarray(self.coefficients))
+        # copies: compiled code knows writeable arrays only
+        return MotionTable(self.knots.copy(), self.coefficients.copy())
 
 
 def from_table(
