@@ -97,7 +97,8 @@ class Findings:
             if infinite and abs(value) > LARGEST:
                 value = math.copysign(math.inf, value)
             elif not abs(value) <= LARGEST:
-                self.problem(f"is no number of at most {LARGEST!r} in magnitude", element, name, text)
+                message = f"must be numbers separated by blanks, none above {LARGEST:.0e} in magnitude"
+                self.problem(message, element, name, text)
                 return harmless
             if value < minimum:
                 self.problem(f"must be at least {minimum!r}", element, name, text)

@@ -100,9 +100,9 @@ def link_to_axis(origin: Vector3, direction: Vector3, size: float = 0.0) -> Veit
         direction: Unit vector along the line.
         size: Length of the robot [m], whose rounding counts as zero; at least the distance of `origin`.
     """
-    px, py, pz = origin
+    size = max(size, math.hypot(*origin))
+    px, py, pz = (_settled(c, size) for c in origin)
     zx, zy, zz = (_settled(c, 1.0) for c in direction)
-    size = max(size, math.hypot(px, py, pz))
     sine = math.hypot(zx, zy)
     if sine >= PARALLEL:
         theta, alpha = math.atan2(zx, -zy), math.atan2(sine, zz)
@@ -113,13 +113,11 @@ def link_to_axis(origin: Vector3, direction: Vector3, size: float = 0.0) -> Veit
             theta += -math.pi if theta > 0.0 else math.pi
         foot = (zx * px + zy * py) / sine**2
         return VeitscheggerWu(alpha, a + 0.0, theta, _settled(pz - foot * zz, size))
-    a = _settled(math.hypot(px, py), size)
+    a = math.hypot(px, py)
     theta = math.atan2(py, px) if a else 0.0
     c, s = cos_sin(theta)
     along, across = c * zx + s * zy, c * zy - s * zx
-    return VeitscheggerWu(
-        math.atan2(0.0 - across, zz), a, theta, _settled(pz, size), math.atan2(along, math.hypot(across, zz))
-    )
+    return VeitscheggerWu(math.atan2(0.0 - across, zz), a, theta, pz, math.atan2(along, math.hypot(across, zz)))
 
 
 _QUARTER = math.pi / 2 * (1.0 - 1e-6)
