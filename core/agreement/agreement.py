@@ -1,0 +1,460 @@
+"""Do all engines run the same robot, and is it the robot of the tables?"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import MbexportError, PluginError, RefusedError, UsageError
+from ..kinematics import reach
+from ..motion import hold, motion_named
+from ..representation import Robot
+from ..simulation.backend import Backend, Engine, Program, Vector
+from ..simulation.backends import backend_named, backend_names
+from ..simulation.step import choose_step
+from .compare import Figure, Order, compare_commands, compare_motions, compare_runs, compare_statics, orders
+from .compare import plainly_controlled as _plainly_controlled
+from .culprit import TABLES, Evidence, Finding, find
+from .gates import GATES
+from .quantities import COUNT, STATICS, States, ask_engine, ask_tables, random_states, smooth
+from .reference import Tables, UnreadError, read
+from .runs import Run, no_run, refusal, run_all
+from .scenarios import SCENARIOS, Scenario, scenarios
+
+if TYPE_CHECKING:
+    from ..database import Database
+
+DURATION = 2.0
+"""Of every run [s]: longer ones grow differences that no integrator is to blame for."""
+
+SCHEMA = "mbexport-agreement/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Voice:
+    """Who took part.
+
+    Attributes:
+        name: Backend's name, or "tables".
+        label: In sentences.
+        engine, version, integrator: Of a backend; "" for the tables.
+        order: Of convergence; 0 where nothing is integrated.
+        gate_class: "A", "B", or "" where nothing is integrated.
+    """
+
+    name: str
+    label: str
+    engine: str = ""
+    version: str = ""
+    integrator: str = ""
+    order: int = 0
+    gate_class: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Omission:
+    """What did not take part, and why.
+
+    Attributes:
+        voice: Who.
+        scenario: In which run; "everything" where nowhere.
+        reason: Why.
+    """
+
+    voice: str
+    scenario: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class RunFacts:
+    """How one scenario was run.
+
+    Attributes:
+        scenario: Its name.
+        title: In words.
+        motion: Name of the command.
+        duration: [s].
+        steps: Voice to its integration step [s].
+    """
+
+    scenario: str
+    title: str
+    motion: str
+    duration: float
+    steps: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """The answer, with all that it rests on.
+
+    Attributes:
+        robot, level, effects, source_hash, notes: What was compared.
+        reach: Of the robot [m].
+        voices: Who took part, the tables first where they speak.
+        left_out: Who or what did not.
+        runs: How the scenarios were run.
+        figures: Every pair in every quantity.
+        orders: Observed orders of first-order integrators.
+        findings: A sentence for every disagreement.
+        evidence: All numbers behind it, for pictures; not compared and not in the JSON.
+    """
+
+    robot: str
+    level: str
+    effects: tuple[str, ...]
+    source_hash: str
+    notes: tuple[str, ...]
+    reach: float
+    voices: tuple[Voice, ...]
+    left_out: tuple[Omission, ...]
+    runs: tuple[RunFacts, ...]
+    figures: tuple[Figure, ...]
+    orders: tuple[Order, ...]
+    findings: tuple[Finding, ...]
+    evidence: Evidence = field(compare=False, repr=False)
+
+    @property
+    def agreed(self) -> bool:
+        """Every figure is within its gate and every order is what it should be."""
+        return all(figure.passed for figure in self.figures) and all(order.passed for order in self.orders)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The findings in words; where there are none, that all agree and how closely."""
+        if not self.agreed:
+            return tuple(finding.sentence for finding in self.findings)
+        engines = sum(voice.name != TABLES for voice in self.voices)
+        if not self.figures:
+            return ("Nothing could be compared: fewer than two voices took part.",)
+        worst = max(self.figures, key=lambda figure: figure.value / figure.gate)
+        share = 100.0 * worst.value / worst.gate
+        tables = " and the text of its tables" if engines < len(self.voices) else ""
+        return (
+            f"{_counted(engines)}{tables} agree on {self.robot} at level {self.level} in all "
+            f"{len(self.figures)} comparisons; the one nearest to its gate takes {share:.0f} % of it.",
+        )
+
+    def worst(self) -> tuple[Figure, ...]:
+        """The figure nearest to (or farthest beyond) its gate of every signal of every scenario."""
+        found: dict[tuple[str, str], Figure] = {}
+        for figure in self.figures:
+            key = (figure.scenario, figure.signal)
+            if key not in found or figure.value * found[key].gate > found[key].value * figure.gate:
+                found[key] = figure
+        return tuple(found.values())
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for agreement.json; numbers that are not finite are null."""
+        return {
+            "schema": SCHEMA,
+            "agreed": self.agreed,
+            "sentences": list(self.sentences),
+            "robot": self.robot,
+            "level": self.level,
+            "effects": list(self.effects),
+            "source_hash": self.source_hash,
+            "notes": list(self.notes),
+            "reach": self.reach,
+            "voices": [asdict(voice) for voice in self.voices],
+            "left_out": [asdict(omission) for omission in self.left_out],
+            "runs": [{**asdict(run), "steps": dict(run.steps)} for run in self.runs],
+            "findings": [{**asdict(finding), "voices": list(finding.voices)} for finding in self.findings],
+            "figures": [
+                {**_finite(asdict(figure)), "voices": list(figure.voices), "passed": figure.passed}
+                for figure in self.figures
+            ],
+            "orders": [
+                {
+                    **_finite(asdict(order)),
+                    "steps": list(order.steps),
+                    "errors": [_number(error) for error in order.errors],
+                    "passed": order.passed,
+                }
+                for order in self.orders
+            ],
+            "gates": [asdict(gate) for gate in GATES.values()],
+        }
+
+
+def _counted(engines: int) -> str:
+    return f"All {engines} engines" if engines > 1 else "One engine"
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _finite(data: dict[str, Any]) -> dict[str, Any]:
+    return {key: _number(value) if isinstance(value, float) else value for key, value in data.items()}
+
+
+def agree(
+    source: str | Path | Database,
+    backends: str | Iterable[str | Backend] = "all",
+    level: str = "full",
+    *,
+    effects: Iterable[str] | None = None,
+    with_effects: Path | None = None,
+    quantities: Iterable[str] | None = None,
+    duration: float = DURATION,
+    states: int = COUNT,
+    tell: Callable[[str, int, int], None] | None = None,
+) -> Agreement:
+    """Compare backends, and the text of the tables, on one robot.
+
+    Args:
+        source: A database: its path, the name of a built-in robot, or in memory.
+        backends: "all" (every one that can run; others are named), or names, or backends.
+        level: Of the robot.
+        effects: Names of effects instead of a level.
+        with_effects: Folder of effects' tables whose rows replace the database's.
+        quantities: Names of static quantities and of runs (quantities.STATICS, scenarios.SCENARIOS); None: all.
+        duration: Of every run [s].
+        states: How many random states statics are asked at.
+        tell: Called with what is being done, how much is done and how much there is.
+
+    Raises:
+        UsageError: Unknown names.
+        InputError: The database is wrong.
+    """
+    from ..build import build
+    from ..database import Database, load, load_effects, write
+    from ..database import with_effects as replaced
+    from ..database.sources import find as find_source
+
+    known = (*STATICS, *SCENARIOS)
+    wanted = tuple(known if quantities is None else quantities)
+    for name in wanted:
+        if name not in known:
+            raise UsageError(f"no quantity {name!r}; known: {', '.join(known)}.")
+    if not duration > 0.0:
+        raise UsageError(f"duration {duration!r} s: it must be above 0.")
+    left_out: list[Omission] = []
+    chosen = _backends(backends, left_out)
+    with tempfile.TemporaryDirectory() as scratch:
+        if isinstance(source, Database):
+            # the fifth voice needs a text
+            path = Path(scratch) / "robot"
+            write(source, path)
+            database = source
+        else:
+            path, database = find_source(source), load(source)
+        if with_effects is not None:
+            database = replaced(database, load_effects(with_effects, database))
+        names = None if effects is None else tuple(effects)
+        robot = build(database, level, names)
+        used = robot.effects if names is not None else None
+
+        def text_of(only: Iterable[str] | None) -> Tables:
+            return read(path, only, level, replaced=with_effects)
+
+        tables = bare = None
+        without: dict[str, Callable[[], Tables]] = {}
+        try:
+            tables, bare = text_of(used), text_of(())
+            every = tuple(tables.effects)
+            without = {name: lambda name=name: text_of([other for other in every if other != name]) for name in every}
+        except UnreadError as error:
+            left_out.append(Omission(TABLES, "everything", f"{error}"))
+        return _compared(
+            _Subject(robot, database, tables, bare, without), chosen, wanted, duration, states, left_out, tell
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Subject:
+    """The robot in all its forms."""
+
+    robot: Robot
+    database: Database
+    tables: Tables | None
+    bare: Tables | None
+    without: Mapping[str, Callable[[], Tables]]
+
+
+def _backends(wanted: str | Iterable[str | Backend], left_out: list[Omission]) -> tuple[Backend, ...]:
+    """The backends asked for; with "all" a broken one is left out by name."""
+    if wanted == "all":
+        found: list[Backend] = []
+        for name in backend_names():
+            try:
+                found.append(backend_named(name))
+            except PluginError as error:
+                left_out.append(Omission(name, "everything", str(error)))
+        return tuple(found)
+    chosen = [wanted] if isinstance(wanted, str) else list(wanted)
+    installed = backend_names()
+    for name in chosen:
+        if isinstance(name, str) and name not in installed:
+            raise UsageError(f"no backend {name!r}; installed: {', '.join(installed)}, or all.")
+    return tuple(backend_named(entry) if isinstance(entry, str) else entry for entry in chosen)
+
+
+def _compared(
+    subject: _Subject,
+    backends: Sequence[Backend],
+    wanted: Sequence[str],
+    duration: float,
+    count: int,
+    left_out: list[Omission],
+    tell: Callable[[str, int, int], None] | None,
+) -> Agreement:
+    robot = subject.robot
+    size = reach(robot)
+    statics = tuple(name for name in STATICS if name in wanted)
+    to_run = scenarios(robot, wanted, duration, database=subject.database)
+    total = len(backends) * (1 + len(to_run))
+    done = 0
+
+    def told(what: str) -> None:
+        nonlocal done
+        if tell is not None:
+            tell(what, done, total)
+        done += 1
+
+    states = random_states(robot, count)
+    answers: dict[str, Mapping[str, Vector]] = {}
+    if subject.tables is not None:
+        try:
+            answers[TABLES] = ask_tables(subject.tables, states, statics)
+        except UnreadError as error:
+            left_out.append(Omission(TABLES, "static_sag", str(error)))
+            answers[TABLES] = ask_tables(subject.tables, states, [name for name in statics if name != "static_sag"])
+    able: list[Backend] = []
+    for backend in backends:
+        told(f"{backend.name}: at rest")
+        try:
+            answers[backend.name] = _ask(backend, robot, states, statics)
+            able.append(backend)
+        except RefusedError as error:
+            left_out.append(Omission(backend.name, "everything", str(error)))
+    figures = compare_statics(answers, size)
+    if subject.tables is not None and subject.tables.motions:
+        figures += compare_motions(subject.tables, _laws(subject), TABLES)
+    runs: dict[str, tuple[Scenario, Sequence[Run]]] = {}
+    facts: list[RunFacts] = []
+    found_orders: list[Order] = []
+    for scenario in to_run:
+        of_scenario: list[Run] = []
+        broken: dict[str, str] = {}
+        for backend in able:
+            told(f"{backend.name}: {SCENARIOS[scenario.name]}")
+            reason = refusal(scenario, backend)
+            if reason is not None:
+                left_out.append(Omission(backend.name, scenario.name, reason))
+                continue
+            try:
+                of_scenario += run_all(scenario, backend)
+            except RefusedError as error:
+                broken[backend.name] = str(error)
+        if of_scenario:
+            # where others run, not to run is a disagreement
+            of_scenario += [no_run(of_scenario[0], name) for name in broken]
+        else:
+            left_out += [Omission(name, scenario.name, reason) for name, reason in broken.items()]
+        runs[scenario.name] = (scenario, of_scenario)
+        facts.append(_facts(scenario, of_scenario))
+        figures += compare_runs(scenario, of_scenario, size)
+        if subject.tables is not None and _plainly_controlled(scenario):
+            figures += compare_commands(scenario, of_scenario, TABLES)
+        found_orders += orders(scenario, of_scenario)
+    labels = {TABLES: "the tables' text"} if subject.tables is not None else {}
+    labels |= {backend.name: f"{backend.name} ({backend.engine})" for backend in able}
+    evidence = Evidence(
+        labels=labels,
+        robot=robot,
+        database=subject.database,
+        tables=subject.tables,
+        bare=subject.bare,
+        without=subject.without,
+        states=states,
+        answers=answers,
+        runs=runs,
+        figures=figures,
+        orders=found_orders,
+    )
+    return Agreement(
+        robot=robot.name,
+        level=robot.level,
+        effects=robot.effects,
+        source_hash=robot.source_hash,
+        notes=robot.notes,
+        reach=size,
+        voices=_voices(subject.tables, able),
+        left_out=tuple(left_out),
+        runs=tuple(facts),
+        figures=tuple(figures),
+        orders=tuple(found_orders),
+        findings=find(evidence),
+        evidence=evidence,
+    )
+
+
+def _voices(tables: Tables | None, backends: Sequence[Backend]) -> tuple[Voice, ...]:
+    fifth = (Voice(TABLES, "the tables' text"),) if tables is not None else ()
+    return fifth + tuple(
+        Voice(
+            backend.name,
+            f"{backend.name} ({backend.engine})",
+            backend.engine,
+            backend.version(),
+            backend.integrator,
+            backend.order,
+            backend.gate_class,
+        )
+        for backend in backends
+    )
+
+
+def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[str]) -> Mapping[str, Vector]:
+    """The static answers of one backend."""
+    from ..control import Control
+
+    step = choose_step(robot, backend, imposed=False, poses=np.array([robot.home()]))
+    loop = Control("torque")
+    program = Program(hold(robot.home(), 1.0), loop, 1.0, step)
+    opened: list[Engine] = []
+
+    def engine_of(model: Robot) -> Engine:
+        opened.append(backend.engine_for(model, program))
+        return opened[-1]
+
+    try:
+        engine = engine_of(robot)
+        made: list[Engine] = []
+
+        def moving() -> Engine:
+            if not made:
+                same = robot.friction.model == "smooth" or not any(stage.drive.terms for stage in robot.stages)
+                made.append(engine if same else engine_of(smooth(robot)))
+            return made[0]
+
+        elastic = [stage.drive.spring is not None for stage in robot.stages]
+        base = robot.base.matrix()
+        return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step)
+    finally:
+        for engine in opened:
+            engine.close()
+
+
+def _laws(subject: _Subject) -> dict[str, Any]:
+    """The motions of the database as they were read; one that cannot be is told by the reader."""
+    laws: dict[str, Any] = {}
+    for name in subject.database.motions:
+        try:
+            laws[name] = motion_named(subject.robot, name, database=subject.database)
+        except MbexportError:
+            continue
+    return laws
+
+
+def _facts(scenario: Scenario, runs: Sequence[Run]) -> RunFacts:
+    steps = {run.voice: run.step for run in runs if not run.half}
+    return RunFacts(scenario.name, SCENARIOS[scenario.name], scenario.motion_name, scenario.duration, steps)
