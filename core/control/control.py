@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from ..errors import Problem, RunFileError
+from .log_file import LogFile, read_log
 
 Mode = Literal["motion", "pd", "torque", "unknown"]
 Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 
+DEFAULT_RATE = 1000.0
+HIGHEST_RATE = 1.0e6
+_CHANNELS = ("q", "dq", "q_link", "tau", "ee", "ee_rot")
 _KEYS = ("mode", "kp", "kd", "feedforward", "rate", "torque_limit")
 
 
@@ -33,7 +38,7 @@ class Control:
     kp: tuple[float, ...] = ()
     kd: tuple[float, ...] = ()
     feedforward: Feedforward = "none"
-    rate: float = 1000.0
+    rate: float = DEFAULT_RATE
     torque_limit: tuple[float, ...] = ()
 
     def to_mapping(self) -> dict[str, Any]:
@@ -48,42 +53,38 @@ class Control:
         return data
 
     @staticmethod
-    def from_mapping(data: Any, n: int, file: str | None = None) -> Control:
+    def from_mapping(data: Any, n: int, log: LogFile | None = None) -> Control:
         """From the `control` part of a log.yaml.
 
         Args:
-            data: As the YAML reader gave it.
+            data: The part: a mapping.
             n: Number of joints.
-            file: Where it stands, for messages.
+            log: Where it stands, for messages.
 
         Raises:
             RunFileError: With all problems.
         """
-        problems: list[Problem] = []
-
-        def wrong(key: str, value: Any, message: str) -> None:
-            problems.append(Problem(message, file=file, column=f"control.{key}", value=str(value)))
-
-        if not isinstance(data, Mapping):
-            raise RunFileError(
-                (Problem("control must be a mapping with at least a mode", file=file, column="control"),)
-            )
+        wrong = _Faults(log or LogFile("control", {}, {}), "control")
+        if not isinstance(data, Mapping) or "mode" not in data:
+            wrong("mode", None, f"control must be a mapping that says its mode: {', '.join(get_args(Mode))}")
+            raise RunFileError(wrong.problems)
         table = cast("Mapping[Any, Any]", data)
         for key in table:
             if key not in _KEYS:
-                wrong(str(key), table[key], f"unknown key; known are {', '.join(_KEYS)}")
-        mode = _one_of(table.get("mode", "motion"), get_args(Mode), "mode", wrong)
+                wrong(str(key), table[key], f"unknown key{_nearest(str(key), _KEYS)}; known are {', '.join(_KEYS)}")
+        mode = _one_of(table["mode"], get_args(Mode), "mode", wrong)
         feedforward = _one_of(table.get("feedforward", "none"), get_args(Feedforward), "feedforward", wrong)
-        kp, kd, limit = (_numbers(table.get(key), n, key, wrong) for key in ("kp", "kd", "torque_limit"))
+        kp, kd = (_numbers(table.get(key), n, key, wrong) for key in ("kp", "kd"))
+        limit = _numbers(table.get("torque_limit"), n, "torque_limit", wrong, infinite=True)
         if mode == "pd":
-            for key, gains in (("kp", kp), ("kd", kd)):
-                if not gains and not any(problem.column == f"control.{key}" for problem in problems):
-                    wrong(key, None, f"mode pd needs {n} gains, one a joint")
-        rate = table.get("rate", 1000.0)
-        if not _is_number(rate) or not 0.0 < rate < math.inf:
-            wrong("rate", rate, "must be a number of Hz above 0")
-        if problems:
-            raise RunFileError(problems)
+            for key in ("kp", "kd"):
+                if table.get(key) is None:
+                    wrong(key, None, f"mode pd needs {key}: {n} gains, one a joint")
+        rate = table.get("rate", DEFAULT_RATE)
+        if not _is_number(rate) or not 0.0 < rate <= HIGHEST_RATE:
+            wrong("rate", rate, f"must be a number of Hz above 0, {HIGHEST_RATE:.0f} or less")
+        if wrong.problems:
+            raise RunFileError(wrong.problems)
         return Control(mode, kp, kd, feedforward, float(rate), limit)
 
 
@@ -93,9 +94,13 @@ def read_control(path: Path, n: int) -> Control:
     Raises:
         RunFileError: With all problems.
     """
-    data = read_log(path)
-    known_part = "control" in data
-    return Control.from_mapping(data["control"] if known_part else data, n, str(path))
+    log = read_log(path)
+    if "control" in log.data:
+        return Control.from_mapping(log.data["control"], n, log)
+    if "mode" not in log.data:
+        raise RunFileError((log.problem("control", None, "there is no control part, e.g. control: {mode: motion}"),))
+    lines = {f"control.{key}": line for key, line in log.lines.items()}
+    return Control.from_mapping(log.data, n, LogFile(log.file, log.data, lines))
 
 
 def read_noise(path: Path, n: int) -> dict[str, tuple[float, ...]]:
@@ -104,69 +109,61 @@ def read_noise(path: Path, n: int) -> dict[str, tuple[float, ...]]:
     Raises:
         RunFileError: With all problems.
     """
-    part = read_log(path).get("noise")
-    problems: list[Problem] = []
-
-    def wrong(key: str, value: Any, message: str) -> None:
-        problems.append(Problem(message, file=str(path), column=f"noise.{key}", value=str(value)))
-
+    log = read_log(path)
+    part = log.data.get("noise")
     if not isinstance(part, Mapping):
-        raise RunFileError((Problem("there is no noise part, e.g. noise: {q: 1.0e-5, tau: 0.5}", file=str(path)),))
+        raise RunFileError((log.problem("noise", part, "there is no noise part, e.g. noise: {q: 1.0e-5, tau: 0.5}"),))
     table = cast("Mapping[Any, Any]", part)
+    wrong = _Faults(log, "noise")
     noise: dict[str, tuple[float, ...]] = {}
     for key, value in table.items():
-        if key not in ("q", "dq", "q_link", "tau", "ee", "ee_rot"):
-            wrong(str(key), value, "unknown channel; known are q, dq, q_link, tau, ee, ee_rot")
+        if key not in _CHANNELS:
+            wrong(str(key), value, f"unknown channel{_nearest(str(key), _CHANNELS)}; known are {', '.join(_CHANNELS)}")
             continue
         count = 1 if str(key).startswith("ee") else n
-        sizes = _numbers([value] * count if _is_number(value) else value, count, str(key), wrong)
-        if any(size < 0.0 for size in sizes):
-            wrong(str(key), value, "a standard deviation is 0 or more")
-        noise[str(key)] = sizes
-    if problems:
-        raise RunFileError(problems)
+        noise[str(key)] = _numbers([value] * count if _is_number(value) else value, count, str(key), wrong)
+    if wrong.problems:
+        raise RunFileError(wrong.problems)
     return noise
 
 
-def read_log(path: Path) -> dict[str, Any]:
-    """The mapping of a YAML file, read safely.
+class _Faults:
+    """Collects what is wrong with one part of a log.yaml."""
 
-    Raises:
-        RunFileError: It cannot be read or is no mapping.
-    """
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
+    def __init__(self, log: LogFile, part: str) -> None:
+        self.problems: list[Problem] = []
+        self._log = log
+        self._part = part
 
-    try:
-        data: Any = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RunFileError((Problem(f"cannot be read: {error.strerror}", file=str(path)),)) from error
-    except (UnicodeDecodeError, YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise RunFileError((Problem(f"is no YAML file: {reason}", file=str(path)),)) from error
-    if not isinstance(data, dict):
-        raise RunFileError((Problem("must be a mapping, e.g. control: {mode: motion}", file=str(path)),))
-    return {str(key): value for key, value in cast("dict[Any, Any]", data).items()}
+    def __call__(self, key: str, value: Any, message: str) -> None:
+        self.problems.append(self._log.problem(f"{self._part}.{key}", value, message))
+
+
+def _nearest(name: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and not math.isnan(value)
 
 
-def _one_of(value: Any, allowed: tuple[Any, ...], key: str, wrong: Any) -> Any:
+def _one_of(value: Any, allowed: tuple[Any, ...], key: str, wrong: _Faults) -> Any:
     if value not in allowed:
         wrong(key, value, f"must be one of {', '.join(allowed)}")
     return value
 
 
-def _numbers(value: Any, n: int, key: str, wrong: Any) -> tuple[float, ...]:
+def _numbers(value: Any, n: int, key: str, wrong: _Faults, *, infinite: bool = False) -> tuple[float, ...]:
+    """A list of n numbers, 0 or more, one a joint; () where there is none."""
     if value is None:
         return ()
-    if not isinstance(value, list | tuple):
-        wrong(key, value, f"must be a list of {n} numbers, one a joint")
-        return ()
-    items = list(cast("list[Any]", value))
+    items: list[Any] = list(cast("Sequence[Any]", value)) if isinstance(value, list | tuple) else []
     if len(items) != n or not all(_is_number(item) for item in items):
-        wrong(key, value, f"must be a list of {n} numbers, one a joint")
+        wrong(key, value, f"must be a list of {n} numbers, one a joint" if n > 1 else "must be a list of 1 number")
         return ()
-    return tuple(float(item) for item in items)
+    numbers = tuple(float(item) for item in items)
+    for joint, number in enumerate(numbers, start=1):
+        if number < 0.0 or (math.isinf(number) and not infinite):
+            wrong(key, number, f"joint {joint}: must be 0 or more{'' if infinite else ', and finite'}")
+    return numbers

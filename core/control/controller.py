@@ -62,12 +62,13 @@ class Controller:
             if torque.ndim != 2 or torque.shape[1] != n or len(torque) < count:
                 raise UsageError(f"the commanded torque has shape {torque.shape}; ({count}, {n}) is needed.")
             self._feedforward = np.array(torque[:count], dtype=float)
-        self._limit: Vector = np.array(control.torque_limit or [math.inf] * n)
-        self._drive_limit: Vector = np.array([stage.drive.torque_limit for stage in robot.stages])
-        self._limited = bool(np.isfinite(self._limit).any() or np.isfinite(self._drive_limit).any())
+        # both limits cut alike on either side, so the smaller one does; the delay between them changes no value
+        limit = np.array(control.torque_limit or [math.inf] * n)
+        self._highest: Vector = np.minimum(limit, [stage.drive.torque_limit for stage in robot.stages])
+        self._lowest: Vector = -self._highest
+        self._limited = bool(np.isfinite(self._highest).any())
         self._torques: Vector = np.zeros((count, n))
-        # torque = reference - kp q - kd dq: one row a tick
-        self._reference: Vector = self._feedforward + self.kp * self._q_cmd + self.kd * self._dq_cmd
+        self._part: Vector = np.zeros(n)
 
     def reset(self) -> None:
         """Forget the last run."""
@@ -79,10 +80,16 @@ class Controller:
 
     def tick(self, k: int, q: Vector, dq: Vector) -> None:
         """Tick k sees the motors' reported position and their speed, shapes (n,)."""
-        tau = self._reference[k] - self.kp * q - self.kd * dq
+        tau, part = self._torques[k], self._part
+        np.subtract(self._q_cmd[k], q, out=part)
+        np.multiply(self.kp, part, out=tau)
+        np.subtract(self._dq_cmd[k], dq, out=part)
+        np.multiply(self.kd, part, out=part)
+        np.add(tau, part, out=tau)
+        np.add(tau, self._feedforward[k], out=tau)
         if self._limited:
-            tau = np.clip(np.clip(tau, -self._limit, self._limit), -self._drive_limit, self._drive_limit)
-        self._torques[k] = tau
+            np.minimum(tau, self._highest, out=tau)
+            np.maximum(tau, self._lowest, out=tau)
 
     def held(self, k: int) -> Vector:
         """Torque of tick k, as it acts from switch_times[k] on, shape (n,)."""
