@@ -110,7 +110,8 @@ def read_rows(
         first: Smallest key.
         complete: Every key from 1 to n must be there.
     """
-    indices = check_header(raw, table, problems)
+    # an empty list in YAML has no header that could be wrong
+    indices = check_header(raw, table, problems) if raw.headings else {table.key: 0}
     if table.key not in indices:
         return []
     keyed = _read_keys(raw, table, indices[table.key], problems, n, first, complete)
@@ -171,7 +172,7 @@ def _read_keys(
     raw: RawTable, table: Table, index: int, problems: Problems, n: int | None, first: int, complete: bool
 ) -> list[tuple[int, RawRow]]:
     """Rows whose key can be used, with it."""
-    if raw.headings[index].unit is not None:
+    if raw.headings and raw.headings[index].unit is not None:
         problems.error(
             f"the key column {table.key!r} has no unit.", raw.file, raw.line, table.key, str(raw.headings[index])
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -135,9 +136,14 @@ def _parse_header(words: list[str], file: str, line: int, problems: Problems) ->
     return tuple(headings) if whole else None
 
 
-def lines_of(text: str) -> list[str]:
-    """The lines of a text; only the line ends of the common systems count."""
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+def lines_of(text: str) -> Iterator[str]:
+    """The lines of a text, one by one; only the line ends of the common systems count."""
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    start = 0
+    while (end := text.find("\n", start)) >= 0:
+        yield text[start:end]
+        start = end + 1
+    yield text[start:]
 
 
 def read_text(path: Path, file: str, problems: Problems, largest: int = LARGEST_FILE) -> str | None:

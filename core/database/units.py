@@ -109,7 +109,7 @@ def factor_by_library(unit: str, si: str) -> Decimal | None:
             return None
         one = registry.Quantity(Decimal(1), read)
         return Decimal(one.to(wanted).magnitude)
-    except (pint.PintError, ArithmeticError) as error:
+    except (pint.PintError, ArithmeticError, ValueError) as error:
         raise UnknownUnitError(unit) from error
 
 

@@ -14,7 +14,7 @@ from .problems import Problems, shortened
 
 LARGEST_YAML = 16 * 2**20
 DEEPEST = 20
-MOST_NODES = 5_000_000
+MOST_NODES = 2_000_000
 
 _PLAIN_TAGS = {f"tag:yaml.org,2002:{kind}" for kind in ("str", "int", "float", "bool", "null", "seq", "map")}
 
