@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..core.representation import Robot, Stage, VeitscheggerWu
-from ..core.simulation.backend import Concept, Emission, Status
+from ..core.simulation.backend import Concept, Emission, Program, Status
 from ..core.simulation.drive_sheet import DriveSheet
 
 SHEET_SUFFIX = ".drives.json"
@@ -88,6 +88,18 @@ def concepts_of(robot: Robot, answer: Answer) -> tuple[Concept, ...]:
     if any(factor != 1.0 for factor in (*robot.kp_factor, *robot.kd_factor)):
         say("controller_gain", "robot", -1)
     return tuple(lines)
+
+
+def weightless_motor(robot: Robot, program: Program | None) -> str | None:
+    """Why a robot cannot be moved by torque: it has an elastic joint without inertia between torque and spring."""
+    if program is not None and program.control.mode != "motion":
+        for stage in robot.stages:
+            if stage.drive.spring and stage.drive.inertia == 0.0:
+                return (
+                    f"joint_compliance at {stage.joint.name} without an inertia of its motor side can only be moved by "
+                    "imposed motion; give it rotor_inertia, or dummy_inertia above 0"
+                )
+    return None
 
 
 def header_lines(robot: Robot, *conventions: str) -> list[str]:

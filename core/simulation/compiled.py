@@ -16,7 +16,7 @@ def _numba(module: str = "") -> Any:
 
 
 @cache
-def _teach_numba() -> None:
+def teach_numba() -> None:
     """Let compiled text call a law by its address, and the kernel's plain helpers as they stand."""
     ir = import_module("llvmlite.ir")
     types = _numba().types
@@ -62,7 +62,7 @@ def as_it_stands(function: Any) -> None:
 
 def compile_text(function: Any) -> Any:
     """A plain function compiled, cached on disk between processes."""
-    _teach_numba()
+    teach_numba()
     return _numba().njit(cache=True)(function)
 
 

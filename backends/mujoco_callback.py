@@ -1,0 +1,218 @@
+"""What MuJoCo calls at every stage of a step: the drives' equations, compiled, as its control callback.
+
+MuJoCo's callbacks belong to the whole process. Ours is set only while one of our engines advances, one at a time, and
+acts on that engine's data alone.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from functools import cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ..core.simulation import imposed
+from ..core.simulation.by_address import (
+    ENGINE,
+    IMPOSED,
+    SIZE,
+    accelerate_elastic,
+    drive_memory_at,
+    evaluate_drives,
+    evaluate_loaded_drives,
+    floats,
+    follow_motion,
+    integers,
+    motion_reference,
+    source_stamp,
+)
+from ..core.simulation.compiled import as_it_stands
+
+_numba: Any = import_module("numba")
+_types: Any = _numba.types
+_ir: Any = import_module("llvmlite.ir")
+_mujoco: Any = import_module("mujoco")
+
+(
+    DATA,  # address of the engine's mjData
+    CALLS,  # since the advance began; RK4 calls four times a step, first at the accepted state
+    MIXED,  # 1 where rigid joints are imposed beside elastic ones
+    LOADED,  # 1 where friction of rigid joints depends on the torque they pass
+    DOFS,
+    CLOCK,  # time at which the advance began, step
+    POSITION,
+    SPEED,
+    COMMAND,
+    APPLIED,
+    BIAS,
+    MASS,  # lower triangle by rows
+    ARMATURE,
+    ROWS,
+    MOTOR,  # coordinate of each joint's motor side
+    ARM,  # coordinate that moves the arm alone: the deflection, or the same where rigid
+    ORDERED,  # elastic joints, then rigid ones
+    ELASTIC,  # how many are elastic
+    MATRIX,  # from here on workspace
+    FACTOR,
+    VECTOR,
+    ACCELERATION,
+    ARM_BIAS,
+    TORQUE,
+) = range(ENGINE, ENGINE + 24)
+
+# compiled code finds the book of the engine that advances here
+_CURRENT = np.zeros(1, dtype=np.int64)
+_SYMBOL = "mbexport_mujoco_book"
+_LOCK = threading.Lock()
+
+import_module("llvmlite.binding").add_symbol(_SYMBOL, _CURRENT.ctypes.data)
+
+
+def _current_book(typing: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.load(context.get_c_value(builder, _ir.IntType(64), _SYMBOL))
+
+    return _types.intp(), generate
+
+
+_book_address: Any = import_module("numba.extending").intrinsic(_current_book)
+_acceleration: Any = imposed.imposed_acceleration
+as_it_stands(_acceleration)
+
+
+@_numba.njit
+def _arm_mass_and_bias(book: Any, n: int) -> Any:
+    """Mass matrix (armature of rigid joints included) and bias of the arms, from MuJoCo's of all coordinates."""
+    arm = integers(book[ARM], n)
+    rows = integers(book[ROWS], book[DOFS])
+    everywhere = floats(book[BIAS], book[DOFS])
+    matrix = floats(book[MATRIX], n * n).reshape((n, n))
+    bias = floats(book[ARM_BIAS], n)
+    for i in range(n):
+        bias[i] = everywhere[arm[i]]
+        row = floats(book[MASS] + 8 * rows[arm[i]], arm[i] + 1)
+        for j in range(i + 1):
+            matrix[i, j] = row[arm[j]]
+            matrix[j, i] = row[arm[j]]
+    return matrix, bias
+
+
+@_numba.njit
+def _evaluate_loaded(book: Any, memory: Any, n: int, t: float, accept: bool) -> None:
+    """The drives' torques, with the load of rigid joints solved together with the accelerations."""
+    matrix, bias = _arm_mass_and_bias(book, n)
+    for i in range(n):
+        if memory.table.elastic[i] == 0:
+            matrix[i, i] -= memory.table.inertia[i]
+    command = floats(book[COMMAND], n)
+    factor = floats(book[FACTOR], n * n).reshape((n, n))
+    evaluate_loaded_drives(memory, t, accept, command, matrix, bias, factor, floats(book[ACCELERATION], n))
+
+
+@_numba.njit
+def _drive_rigid_joints(book: Any, memory: Any, n: int) -> None:
+    """Forces that make rigid joints follow the motion, once those on elastic ones stand in qfrc_applied."""
+    q_ref, dq_ref, ddq_ref = motion_reference(book, n)
+    matrix, bias = _arm_mass_and_bias(book, n)
+    applied = floats(book[APPLIED], book[DOFS])
+    arm = integers(book[ARM], n)
+    order = integers(book[ORDERED], n)
+    e = book[ELASTIC]
+    acceleration = floats(book[ACCELERATION], n)
+    torque = floats(book[TORQUE], n)
+    for i in range(n):
+        torque[i] = applied[arm[i]]
+    for r in order[e:]:
+        acceleration[r] = _acceleration(memory.q[r], memory.dq[r], q_ref[r], dq_ref[r], ddq_ref[r])
+    factor = floats(book[FACTOR], e * e).reshape((e, e))
+    accelerate_elastic(matrix, bias, torque, order, e, factor, floats(book[VECTOR], e), acceleration)
+    for r in order[e:]:
+        force = bias[r]
+        for j in range(n):
+            force += matrix[r, j] * acceleration[j]
+        applied[arm[r]] = force
+
+
+@cache
+def _compiled() -> Any:
+    """The callback, compiled: void(const mjModel*, mjData*)."""
+    stamp = source_stamp(sys.modules[__name__], imposed)
+
+    def drive(model: int, data: int) -> None:
+        book = integers(_book_address(), SIZE)
+        if stamp == 0 or book[DATA] != data:
+            return
+        stage = book[CALLS] % 4
+        clock = floats(book[CLOCK], 2)
+        t = clock[0] + (book[CALLS] // 4 + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) * clock[1]
+        accept = stage == 0
+        book[CALLS] += 1
+        memory = drive_memory_at(book)
+        n = memory.q.shape[0]
+        position = floats(book[POSITION], book[DOFS])
+        speed = floats(book[SPEED], book[DOFS])
+        applied = floats(book[APPLIED], book[DOFS])
+        armature = floats(book[ARMATURE], book[DOFS])
+        motor = integers(book[MOTOR], n)
+        arm = integers(book[ARM], n)
+        for i in range(n):
+            memory.theta[i] = memory.q[i] = position[motor[i]]
+            memory.dtheta[i] = memory.dq[i] = speed[motor[i]]
+            if arm[i] != motor[i]:
+                memory.q[i] += position[arm[i]]
+                memory.dq[i] += speed[arm[i]]
+        if book[IMPOSED] == 0:
+            if book[LOADED] == 1:
+                _evaluate_loaded(book, memory, n, t, accept)
+            else:
+                evaluate_drives(memory, t, accept)
+            for i in range(n):
+                if arm[i] == motor[i]:
+                    applied[arm[i]] = memory.on_arm[i] - memory.friction[i]
+                else:
+                    # the motor's coordinate carries the arm too: both sides' torques act on it
+                    applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
+                    applied[motor[i]] = applied[arm[i]] - memory.friction[i] - memory.reaction[i]
+            return
+        follow_motion(book, n, t)
+        q_ref, dq_ref, ddq_ref = motion_reference(book, n)
+        for i in range(n):
+            memory.theta[i] = q_ref[i]
+            memory.dtheta[i] = dq_ref[i]
+        evaluate_drives(memory, t, accept)
+        for i in range(n):
+            if arm[i] != motor[i]:
+                applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
+                applied[motor[i]] = applied[arm[i]] + armature[motor[i]] * ddq_ref[i]
+        if book[MIXED] == 1:
+            _drive_rigid_joints(book, memory, n)
+
+    return _numba.cfunc("void(intp, intp)", cache=True)(drive)
+
+
+def step_with_drives(model: Any, data: Any, steps: int, address: int) -> None:
+    """Step a model of one of our engines that many times, the callback set.
+
+    Args:
+        model: mjModel.
+        data: Its mjData.
+        steps: How many.
+        address: Of the engine's book.
+    """
+    pointer = _pointer()
+    with _LOCK:
+        before = _mujoco.get_mjcb_control()
+        _CURRENT[0] = address
+        _mujoco.set_mjcb_control(pointer)
+        try:
+            _mujoco.mj_step(model, data, steps)
+        finally:
+            _mujoco.set_mjcb_control(before)
+
+
+@cache
+def _pointer() -> Any:
+    return _compiled().ctypes
