@@ -121,6 +121,6 @@ class Trace:
         YAML().dump(log, text)
         return {"log.yaml": text.getvalue(), "data.csv": "\n".join(lines) + "\n"}
 
-    def write(self, folder: Path, *, force: bool = False) -> tuple[Path, ...]:
+    def write(self, folder: Path | str, *, force: bool = False) -> tuple[Path, ...]:
         """Write the run as log.md has it, whole or not at all."""
-        return write_whole(folder, self.files(), force=force)
+        return write_whole(Path(folder), self.files(), force=force)
