@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,8 +123,9 @@ class Agreement:
 
     @property
     def agreed(self) -> bool:
-        """Every figure is within its gate and every order is what it should be."""
-        return all(figure.passed for figure in self.figures) and all(order.passed for order in self.orders)
+        """Every figure is within its gate, every order is what it should be, and every export could be loaded."""
+        passed = all(figure.passed for figure in self.figures) and all(order.passed for order in self.orders)
+        return passed and not self.findings
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -328,6 +330,7 @@ def _compared(
             left_out.append(Omission(TABLES, "static_sag", str(error)))
             answers[TABLES] = ask_tables(subject.tables, states, [name for name in statics if name != "static_sag"])
     able: list[Backend] = []
+    not_loaded: dict[str, str] = {}
     for backend in backends:
         told(f"{backend.name}: at rest")
         try:
@@ -335,6 +338,12 @@ def _compared(
             able.append(backend)
         except RefusedError as error:
             left_out.append(Omission(backend.name, "everything", str(error)))
+        except _LoadError as error:
+            # data that no body can have may be refused; anything else that was emitted must load
+            if subject.database.inertia_check == "warn":
+                left_out.append(Omission(backend.name, "everything", str(error)))
+            else:
+                not_loaded[backend.name] = str(error)
     figures = compare_statics(answers, size)
     if subject.tables is not None and subject.tables.motions:
         figures += compare_motions(subject.tables, _laws(subject), TABLES)
@@ -392,9 +401,30 @@ def _compared(
         runs=tuple(facts),
         figures=tuple(figures),
         orders=tuple(found_orders),
-        findings=find(evidence),
+        findings=(*_not_loaded(backends, not_loaded), *find(evidence)),
         evidence=evidence,
     )
+
+
+class _LoadError(Exception):
+    """An engine refuses what its own backend emitted without objection."""
+
+
+@contextmanager
+def _must_run() -> Generator[None]:
+    """What was emitted without objection may not be refused any more."""
+    try:
+        yield
+    except RefusedError as error:
+        raise _LoadError(str(error)) from error
+
+
+def _not_loaded(backends: Sequence[Backend], reasons: Mapping[str, str]) -> Iterator[Finding]:
+    for backend in backends:
+        if backend.name in reasons:
+            place = "The fault lies in its export."
+            sentence = f"{backend.name} ({backend.engine}): its export cannot be run: {reasons[backend.name]} {place}"
+            yield Finding((backend.name,), "export", "refused", "robot", sentence)
 
 
 def _voices(tables: Tables | None, backends: Sequence[Backend]) -> tuple[Voice, ...]:
@@ -423,7 +453,12 @@ def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[st
     opened: list[Engine] = []
 
     def engine_of(model: Robot) -> Engine:
-        opened.append(backend.engine_for(model, program))
+        reason = backend.refusal(model, program)
+        if reason is not None:
+            raise RefusedError(reason)
+        emission = backend.emit(model, program)
+        with _must_run():
+            opened.append(backend.load(emission))
         return opened[-1]
 
     try:
@@ -438,7 +473,8 @@ def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[st
 
         elastic = [stage.drive.spring is not None for stage in robot.stages]
         base = robot.base.matrix()
-        return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step)
+        with _must_run():
+            return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step)
     finally:
         for engine in opened:
             engine.close()

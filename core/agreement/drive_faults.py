@@ -106,8 +106,7 @@ def _spring_text(name: str, what: str, told: float, has: float) -> str:
 def _friction_text(robot: Robot, name: str, i: int, dtheta: Vector, on_motor: Vector) -> tuple[str, str]:
     """Kind and text of a difference that depends on the motor's speed."""
     told = robot.stages[i].drive.damping
-    velocity = robot.friction.velocity
-    sense = np.tanh(dtheta / velocity) if robot.friction.model == "smooth" else np.sign(dtheta)
+    sense = np.tanh(dtheta / robot.friction.velocity)
     size = float(np.linalg.norm(on_motor))
     for column, kind in ((dtheta, "damping"), (sense, "friction")):
         coefficient = -float(column @ on_motor) / max(float(column @ column), 1e-300)
@@ -185,7 +184,13 @@ def acceleration_look(model: Tables, robot: Robot, states: States, expected: Vec
         if float(np.max(np.abs(column))) > 1e-4 * float(np.max(drives)):
             looks.append(
                 _running_joint_look(
-                    f"joint_{i + 1}", robot, int(i), column, states.dtheta[:few, i], seen[:, n + i], expected[:, n + i]
+                    f"joint_{i + 1}",
+                    robot,
+                    int(i),
+                    column,
+                    states.near_dtheta[:few, i],
+                    seen[:, n + i],
+                    expected[:, n + i],
                 )
             )
     return _together(looks) or Look("unknown", "robot", "its integrator moves otherwise than its own model says")

@@ -6,6 +6,7 @@ every suspicion is a vector of parameters and is tried by one product.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from itertools import combinations, permutations
@@ -144,7 +145,8 @@ def _suspicions(model: Tables, robot: Robot) -> Iterator[tuple[Look, dict[int, V
         if len(changes) > 1:
             arms = [f"arm_{i + 1}" for i in changes]
             where = "every arm" if len(arms) == model.n else listed(arms)
-            yield Look("inertia", ", ".join(arms), f"{fault} in {where}"), changes
+            text = re.sub(r", in the order [^)]*\)\)", ")", fault)
+            yield Look("inertia", ", ".join(arms), f"{text} in {where}"), changes
     for i, j in combinations(range(model.n), 2):
         if model.lumps[i] and model.lumps[j]:
             change = parameters_of(model.lumps[j][0]) - parameters_of(model.lumps[i][0])
@@ -175,20 +177,27 @@ def _lump_faults(lump: Lump, arm_to_joint: Vector) -> Iterator[tuple[str, str, L
         body(2 * diagonal - tensor),
     )
     yield "the products of inertia are left out", "the products of inertia of {arm} are left out", body(diagonal)
-    # a rotation lost on the way from the arm's frame to the joint's, or from the principal axes
+    # a rotation that is lost on the way from the arm's frame to the joint's, or from the principal axes
     moments = np.linalg.eigvalsh(tensor)
     lost = "the rotation of the inertia is lost"
     text = "the rotation of {arm}'s inertia is lost"
     for order in permutations(range(3)):
         principal = np.asarray(np.diag(moments[list(order)]), dtype=float)
-        yield lost, f"{text} (its principal moments stand in the wrong axes)", body(principal)
-        turned = arm_to_joint.T @ principal @ arm_to_joint
-        yield lost, f"{text} (its principal moments stand in the joint's axes)", body(turned)
-    yield lost, f"{text} (its tensor stands in the joint's axes)", body(arm_to_joint.T @ tensor @ arm_to_joint)
+        for where, turned in (("arm", principal), ("joint", arm_to_joint.T @ principal @ arm_to_joint)):
+            what = f"its principal moments stand in the {where}'s axes"
+            yield f"{lost} ({what}, in the order {order})", f"{text} ({what})", body(turned)
+    what = "its tensor stands in the joint's axes"
+    yield f"{lost} ({what})", f"{text} ({what})", body(arm_to_joint.T @ tensor @ arm_to_joint)
     in_joint = arm_to_joint @ tensor @ arm_to_joint.T
     bare = arm_to_joint.T @ np.diag(np.diag(in_joint)) @ arm_to_joint
     text = "the products of inertia of {arm} in the joint's frame are left out"
     yield "the products of inertia in the joint's frame are left out", text, body(bare)
+    for name, (a, b) in _PRODUCTS.items():
+        mirrored = in_joint.copy()
+        mirrored[a, b] = mirrored[b, a] = -in_joint[a, b]
+        fault = f"{name} in the joint's frame has the opposite sign"
+        text = f"{name} of {{arm}} in the joint's frame has the opposite sign"
+        yield fault, text, body(arm_to_joint.T @ mirrored @ arm_to_joint)
     flipped = arm_to_joint.T @ (2 * np.diag(np.diag(in_joint)) - in_joint) @ arm_to_joint
     text = "the products of inertia of {arm} in the joint's frame have the opposite sign"
     yield "the products of inertia in the joint's frame have the opposite sign", text, body(flipped)

@@ -31,6 +31,10 @@ SEED = 20130813
 COUNT = 50
 # acceleration and sag cost more than the others and vary less
 FEW = 8
+# least stretch of a spring [rad] at which its torque is asked
+STRETCH = 1.0e-3
+# torques of a drive are judged by this part of the largest of all drives, or of 1 N m, where its own are smaller
+SMALL_TORQUE = 1.0e-6
 # fractions of a run's step over which acceleration is taken, and the weights that leave an error of third order
 ACCELERATION_STEPS = (1 / 64, 1 / 128, 1 / 256)
 ACCELERATION_WEIGHTS = (1 / 3, -2.0, 8 / 3)
@@ -42,7 +46,8 @@ class States:
 
     Attributes:
         q, dq, ddq: Arm side.
-        theta, dtheta: Motor side; equal to q, dq at rigid joints.
+        theta, dtheta: Motor side, equal to q, dq at rigid joints; springs stretched far enough for rounding.
+        near_theta, near_dtheta: The same, springs stretched as the arms' weight would, so that other torques count.
     """
 
     q: Vector
@@ -50,6 +55,8 @@ class States:
     ddq: Vector
     theta: Vector
     dtheta: Vector
+    near_theta: Vector
+    near_dtheta: Vector
 
 
 def random_states(robot: Robot, count: int = COUNT, seed: int = SEED) -> States:
@@ -70,10 +77,19 @@ def random_states(robot: Robot, count: int = COUNT, seed: int = SEED) -> States:
     stretch, dstretch = draw(-1.0, 1.0, size), draw(-0.1, 0.1, size) * unit
     springs = [stage.drive.spring for stage in robot.stages]
     elastic = np.array([spring is not None for spring in springs])
-    # as far as the weight of the arm, or an acceleration of 1, would stretch the spring
+    # what the weight of the arm, or an acceleration of 1, would stretch the spring by
     load = np.diag(dynamics(robot).mass_matrix(home)) + np.abs(dynamics(robot).gravity(home))
     give = np.array([load[i] / spring.stiffness if spring else 0.0 for i, spring in enumerate(springs)])
-    return States(q, dq, ddq, q + stretch * give, np.where(elastic, dq + dstretch, dq))
+    far = np.where(elastic, np.maximum(give, STRETCH * unit), 0.0)
+    return States(
+        q,
+        dq,
+        ddq,
+        q + stretch * far,
+        np.where(elastic, dq + dstretch, dq),
+        q + stretch * give,
+        np.where(elastic, dq + 1e-2 * dstretch, dq),
+    )
 
 
 def smooth(robot: Robot) -> Robot:
@@ -98,7 +114,8 @@ def ask_engine(
         base_in_world: Shape (4, 4).
         states: What to ask at.
         quantities: Names of STATICS.
-        moving: Gives the same model with smooth friction, for `acceleration`.
+        moving: Gives the same model with smooth friction, for the torques of the drives: friction that sticks has a
+            memory, and is compared in runs.
         elastic: Where motor and arm side are two coordinates.
         step: Step of a run [s].
     """
@@ -116,7 +133,7 @@ def ask_engine(
         "motor_inertia": lambda: np.array([engine.motor_inertia()]),
         "drive_torque": lambda: np.array(
             [
-                np.concatenate(engine.drive_torque(q, dq, theta, dtheta))
+                np.concatenate(moving().drive_torque(q, dq, theta, dtheta))
                 for q, dq, theta, dtheta in zip(states.q, states.dq, states.theta, states.dtheta, strict=True)
             ]
         ),
@@ -139,7 +156,7 @@ def ask_tables(tables: Tables, states: States, quantities: Sequence[str]) -> dic
         "inverse_dynamics": lambda: tables.inverse_dynamics(states.q, states.dq, states.ddq),
         "motor_inertia": lambda: tables.motor_inertia()[None],
         "drive_torque": lambda: np.concatenate(
-            tables.drive_torque(states.q, states.dq, states.theta, states.dtheta), axis=-1
+            replace(tables, smooth=True).drive_torque(states.q, states.dq, states.theta, states.dtheta), axis=-1
         ),
         "acceleration": lambda: table_accelerations(tables, states, few),
         "static_sag": lambda: np.array([tables.sag(theta) - theta for theta in states.q[few]]),
@@ -152,7 +169,7 @@ def ask_tables(tables: Tables, states: States, quantities: Sequence[str]) -> dic
 def table_accelerations(tables: Tables, states: States, few: slice) -> Vector:
     """Accelerations of arm and motor sides at zero command, friction smooth, shape (m, 2 n)."""
     tables = replace(tables, smooth=True)
-    q, dq, theta, dtheta = states.q[few], states.dq[few], states.theta[few], states.dtheta[few]
+    q, dq, theta, dtheta = states.q[few], states.dq[few], states.near_theta[few], states.near_dtheta[few]
     on_arm, on_motor = tables.drive_torque(q, dq, theta, dtheta)
     elastic = np.isfinite(tables.stiffness)
     inertia = tables.mass_matrix(q) + np.diag(np.where(elastic, 0.0, tables.rotor))
@@ -166,7 +183,9 @@ def _stepped(engine: Engine, states: States, k: int, step: float) -> Vector:
     """Acceleration that the engine's own integrator takes at zero command, arm and motor sides, shape (2 n,)."""
     total = np.zeros(2 * engine.n)
     for fraction, weight in zip(ACCELERATION_STEPS, ACCELERATION_WEIGHTS, strict=True):
-        q, dq, theta, dtheta = (array[k].copy() for array in (states.q, states.dq, states.theta, states.dtheta))
+        q, dq, theta, dtheta = (
+            array[k].copy() for array in (states.q, states.dq, states.near_theta, states.near_dtheta)
+        )
         engine.reset(MachineState(0.0, q, dq, theta, dtheta), None)
         engine.hold(np.zeros(engine.n))
         before = engine.state()
@@ -223,9 +242,12 @@ def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:
                 found[name] = weight * max(float(np.max(np.abs(answers[name]) / weight)), 1e-300)
     if "static_sag" in answers:
         found["static_sag"] = np.full(answers["static_sag"].shape[-1], np.max(np.abs(answers["static_sag"])))
-    for name in ("motor_inertia", "drive_torque"):
-        if name in answers:
-            found[name] = np.max(np.abs(answers[name]), axis=0)
+    if "motor_inertia" in answers:
+        found["motor_inertia"] = np.max(np.abs(answers["motor_inertia"]), axis=0)
+    if "drive_torque" in answers:
+        # both sides of a joint together, so that rounding on the idle side does not count
+        both = np.max(np.abs(answers["drive_torque"]), axis=0).reshape(2, -1).max(axis=0)
+        found["drive_torque"] = np.tile(np.maximum(both, SMALL_TORQUE * max(float(both.max()), 1.0)), 2)
     if "acceleration" in answers:
         found["acceleration"] = np.max(np.abs(answers["acceleration"]), axis=0)
     return found
