@@ -17,7 +17,7 @@ from ..core.simulation.by_address import Book
 from . import mujoco_callback as at
 from .common import sheet_of
 from .driven import DrivenEngine
-from .mjcf import ARM_SPRING_SUFFIX, MOTOR_SUFFIX
+from .mjcf_text import ARM_SPRING_SUFFIX, MOTOR_SUFFIX
 
 _mujoco: Any = import_module("mujoco")
 _step: Any = _mujoco.mj_step
