@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .errors import RefusedError
+from .expansion import expanded
 from .files import write_whole
 from .representation import Robot
 from .simulation.backend import Backend, Emission, Program
 from .simulation.backends import backend_named
+from .simulation.program import whole_program
 
 if TYPE_CHECKING:
     from .control import Control
@@ -80,16 +82,19 @@ def emit(robot: Robot, backend: Backend, motion: MotionLaw | None = None, contro
         RefusedError: It refuses the robot.
     """
     program = default_program(robot, motion, control)
-    reason = backend.refusal(robot, None)
+    # a model without a program of its own is for torque: its passive joints are free joints on springs
+    imposed = program.control.mode == "motion" and backend.scripted
+    whole = expanded(robot, imposed=imposed)
+    reason = backend.refusal(whole.robot, None)
     if reason is not None:
         raise RefusedError(f"{backend.name} refuses {robot.name}: {reason}")
     if robot.effects or motion is not None or control is not None:
         from .simulation.step import choose_step, poses_of
 
-        imposed = program.control.mode == "motion"
-        step = choose_step(robot, backend, imposed=imposed, poses=poses_of(robot, program.motion))
+        poses = whole.spread(poses_of(robot, program.motion))
+        step = choose_step(whole.robot, backend, imposed=program.control.mode == "motion", poses=poses)
         program = replace(program, step=step)
-    return backend.emit(robot, program)
+    return backend.emit(whole.robot, whole_program(whole, program))
 
 
 def concept_report(robot: Robot, emission: Emission) -> str:

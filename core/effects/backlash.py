@@ -18,7 +18,7 @@ class Backlash(Effect):
 
     name = "backlash"
     key = "joint"
-    after = ("joint_compliance",)
+    after = ("joint_compliance", "joint_compliance_6d")
     columns = (
         Column("gap", "rad|m", minimum=0.0),
         Column("stiffness", "N*m/rad|N/m", default=math.inf, minimum=0.0, exclusive=True, infinite=True),

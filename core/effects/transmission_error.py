@@ -30,7 +30,7 @@ class TransmissionError(Effect):
 
     name = "transmission_error"
     key = "joint"
-    after = ("joint_compliance", "backlash")
+    after = ("joint_compliance", "joint_compliance_6d", "backlash")
     columns = (
         Column("amplitude", "rad|m", minimum=0.0),
         Column("cycles", minimum=0.0, exclusive=True),

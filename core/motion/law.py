@@ -6,6 +6,7 @@ here position, speed and acceleration come from one polynomial, the same for eve
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,6 +73,14 @@ class MotionLaw:
         """The same motion with constant offsets (n,) added to the positions [rad or m]."""
         coefficients = self.coefficients.copy()
         coefficients[-1] += np.asarray(offsets, dtype=np.float64)
+        return MotionLaw(self.knots, coefficients)
+
+    def spread(self, joints: Sequence[int], n: int) -> MotionLaw:
+        """The same motion as that of some joints (from 0) of n; the others stand at 0."""
+        if self.n == n:
+            return self
+        coefficients = np.zeros((*self.coefficients.shape[:2], n))
+        coefficients[:, :, list(joints)] = self.coefficients
         return MotionLaw(self.knots, coefficients)
 
     def table(self) -> MotionTable:

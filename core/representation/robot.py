@@ -34,6 +34,8 @@ class Joint:
         velocity: Limit of speed [rad/s or m/s], inf where there is none.
         effort: Limit of torque [N m or N] as the maker states it, for planning; inf where there is none.
         home: Home position [rad or m].
+        in_previous: Where the joint's frame stands in the previous joint's frame; None: where the Veitschegger-Wu
+            parameters put it. Only joints that stand for elastic parts have one (see `expansion`).
     """
 
     name: str
@@ -43,6 +45,7 @@ class Joint:
     velocity: float = math.inf
     effort: float = math.inf
     home: float = 0.0
+    in_previous: Pose | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +78,7 @@ class Arm:
         correction: Geometry correction after link: places the NEXT joint (for the last arm: the flange, drawn only).
         inertia: Mass properties in the arm's own Veitschegger-Wu frame.
         shapes: What viewers draw.
+        in_joint: Pose of the arm's frame in its moving joint frame; None: as the Veitschegger-Wu parameters say.
     """
 
     name: str
@@ -82,6 +86,35 @@ class Arm:
     correction: VeitscheggerWu = VeitscheggerWu()
     inertia: Inertia = Inertia()
     shapes: tuple[Shape, ...] = ()
+    in_joint: Pose | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A six-component spring-damper at a joint's real place, on the arm's side of the drive.
+
+    Attributes:
+        stiffness: Along x y z [N/m] and about x y [N m/rad] of the frame that turns with the joint; inf is rigid.
+        damping: The same [N s/m and N m s/rad].
+    """
+
+    stiffness: tuple[float, float, float, float, float]
+    damping: tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Bend:
+    """Two bending springs in an arm.
+
+    Attributes:
+        stiffness: About u and v [N m/rad].
+        damping: About u and v [N m s/rad].
+        at: Where, as a fraction of the line from the previous arm's frame to this one; the mass is split so too.
+    """
+
+    stiffness: tuple[float, float]
+    damping: tuple[float, float]
+    at: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +202,7 @@ class Drive:
         stick: Give of the sticking friction; None where nothing sticks.
         gain: True motor torque per reported one.
         torque_limit: Cut of the commanded torque [N m or N].
+        passive: No motor is there: the joint stands for an elastic part and is moved by its arm springs alone.
     """
 
     inertia: float = 0.0
@@ -181,6 +215,7 @@ class Drive:
     stick: Stick | None = None
     gain: float = 1.0
     torque_limit: float = math.inf
+    passive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,12 +228,20 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One joint with the arm it moves, its drive and its sensor."""
+    """One joint with the arm it moves, its drive and its sensor.
+
+    Attributes:
+        joint, arm, drive, sensor: Its parts.
+        mount: Elastic bearing of the joint; None where it is rigid.
+        bend: Elastic arm; None where it is rigid.
+    """
 
     joint: Joint
     arm: Arm
     drive: Drive = Drive()
     sensor: Sensor = Sensor()
+    mount: Mount | None = None
+    bend: Bend | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,10 +306,14 @@ class Robot:
         The chain goes on from the Veitschegger-Wu frame, the joint stands at the corrected one, and a correction
         commutes with the joint's motion, so arm = joint Q(q) C^-1 A_VW(0).
         """
-        return self.correction_before(i).pose().inverse() @ self.stages[i].arm.link.pose()
+        arm = self.stages[i].arm
+        return arm.in_joint or self.correction_before(i).pose().inverse() @ arm.link.pose()
 
     def joint_in_previous(self, i: int) -> Pose:
         """Frame of the joint of stage i, at zero, in the previous stage's joint frame (stage 0: in the base)."""
+        joint = self.stages[i].joint
+        if joint.in_previous is not None:
+            return joint.in_previous
         placed = self.correction_before(i).pose()
         return placed if i == 0 else self.arm_in_joint(i - 1) @ placed
 

@@ -179,6 +179,7 @@ class Backend(ABC):
         gate_class: "A" (RK4, second-order implicit, adaptive) or "B" (first order); decides the gates of agreement.
         largest_step: Longest step it takes where nothing is stiff [s].
         stable: Largest step times eigenvalue at which the integrator is stable.
+        scripted: What it emits runs a program by itself.
     """
 
     name: ClassVar[str]
@@ -188,6 +189,7 @@ class Backend(ABC):
     gate_class: ClassVar[Literal["A", "B"]]
     largest_step: ClassVar[float] = 1.0e-3
     stable: ClassVar[float] = 2.0
+    scripted: ClassVar[bool] = False
 
     @abstractmethod
     def version(self) -> str:

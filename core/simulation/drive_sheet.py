@@ -114,4 +114,5 @@ def _drive(data: dict[str, Any]) -> Drive:
         stick=Stick(**data["stick"]) if data["stick"] else None,
         gain=data["gain"],
         torque_limit=math.inf if data["torque_limit"] is None else data["torque_limit"],
+        passive=data["passive"],
     )

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import RefusedError, UsageError
+from ..expansion import Expansion, expanded
 from ..representation import Robot
 from .backend import Backend, Engine, MachineState, Program, Vector
 from .backends import backend_named
+from .program import whole_program
 from .settle import controlled_start, imposed_start
 from .step import choose_step, poses_of
 from .trace import Trace
@@ -71,27 +73,51 @@ def simulate(
     length = law.duration if duration is None else duration
     _check(robot, law, rules, length, rate, torque)
     imposed = rules.mode == "motion"
-    h = choose_step(robot, engine_backend, imposed=imposed, poses=poses_of(robot, law), step=step)
-    program = Program(law, rules, length, h)
-    engine = engine_backend.engine_for(robot, program)
+    whole = expanded(robot, imposed=imposed)
+    h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=whole.spread(poses_of(robot, law)), step=step)
+    # the torques of a run come from the controller here; the engine's program only has to fit the robot
+    program = whole_program(whole, Program(law, replace(rules, feedforward="none"), length, h))
+    engine = engine_backend.engine_for(whole.robot, program)
     try:
         times = _record_times(length, rate)
         # the drives follow what the encoders report
-        offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
-        followed = law.shifted(-offsets) if offsets.any() else law
+        offsets = np.array([stage.sensor.position_offset for stage in whole.robot.stages])
+        followed = program.motion.shifted(-offsets) if offsets.any() else program.motion
         with _bar(progress, length) as tell:
-            if imposed and not any(stage.drive.spring for stage in robot.stages):
-                record = _kinematic(robot, engine, followed, times)
+            if imposed and not any(stage.drive.spring for stage in whole.robot.stages):
+                record = _kinematic(whole.robot, engine, followed, times)
             elif imposed:
-                begin = start or imposed_start(robot, engine, followed)
-                record = _elastic(robot, engine, followed, times, h, begin, tell)
+                begin = start or imposed_start(whole.robot, engine, followed)
+                record = _elastic(whole.robot, engine, followed, times, h, begin, tell)
             else:
                 controller = Controller(nominal or robot, robot, rules, law, length, torque)
-                begin = start or controlled_start(robot, engine, followed, rules, controller)
-                record = _controlled(robot, engine, controller, times, h, begin, tell)
-        return _trace(robot, engine_backend, engine, law, rules, times, record, h, program)
+                spread = _SpreadController(controller, whole) if whole.passive else controller
+                begin = start or controlled_start(whole.robot, engine, followed, rules, spread)
+                record = _controlled(whole.robot, engine, spread, times, h, begin, tell)
+        tool = np.array([engine.tool_in_base(q) for q in record.q])
+        record.keep(whole.driven)
+        return _trace(robot, engine_backend, law, rules, times, record, tool, h, length)
     finally:
         engine.close()
+
+
+class _SpreadController:
+    """A controller of the driven joints of a robot that has passive ones too."""
+
+    def __init__(self, controller: Controller, whole: Expansion) -> None:
+        self._controller, self._whole, self._driven = controller, whole, list(whole.driven)
+        self.kp = whole.spread(controller.kp)
+        self.tick_times, self.switch_times = controller.tick_times, controller.switch_times
+        self.reset = controller.reset
+
+    def feedforward_at_start(self) -> Vector:
+        return self._whole.spread(self._controller.feedforward_at_start())
+
+    def tick(self, k: int, q: Vector, dq: Vector) -> None:
+        self._controller.tick(k, q[self._driven], dq[self._driven])
+
+    def held(self, k: int) -> Vector:
+        return self._whole.spread(self._controller.held(k))
 
 
 def _check(robot: Robot, law: MotionLaw, control: Control, duration: float, rate: float, torque: Vector | None) -> None:
@@ -121,6 +147,12 @@ class _Record:
     @staticmethod
     def empty(m: int, n: int) -> _Record:
         return _Record(*(np.zeros((m, n)) for _ in range(6)))
+
+    def keep(self, joints: Sequence[int]) -> None:
+        """Only these joints, in this order."""
+        chosen = list(joints)
+        for name in ("q", "dq", "theta", "dtheta", "tau", "tau_link"):
+            setattr(self, name, getattr(self, name)[:, chosen])
 
     def put(self, k: int, state: MachineState) -> None:
         self.q[k], self.dq[k] = state.q, state.dq
@@ -197,7 +229,7 @@ def _passed_by_rigid(
 def _controlled(
     robot: Robot,
     engine: Engine,
-    controller: Controller,
+    controller: Controller | _SpreadController,
     times: Vector,
     h: float,
     begin: MachineState,
@@ -281,18 +313,17 @@ def _steps(span: float, h: float) -> int:
 def _trace(
     robot: Robot,
     backend: Backend,
-    engine: Engine,
     law: MotionLaw,
     control: Control,
     times: Vector,
     record: _Record,
+    tool: Vector,
     h: float,
-    program: Program,
+    duration: float,
 ) -> Trace:
     q_cmd, dq_cmd, ddq_cmd = law.at(times)
     position = np.array([stage.sensor.position_offset for stage in robot.stages])
     torque = np.array([stage.sensor.torque_offset for stage in robot.stages])
-    tool = np.array([engine.tool_in_base(q) for q in record.q])
     if not np.isfinite(tool).all() or not np.isfinite(record.q).all():
         worst = int(np.argmin(np.isfinite(record.q).all(axis=1)))
         raise RefusedError(
@@ -322,7 +353,7 @@ def _trace(
         "version": backend.version(),
         "integrator": backend.integrator,
         "step": h,
-        "duration": program.duration,
+        "duration": duration,
         "friction": {"model": robot.friction.model, "velocity": robot.friction.velocity},
         "notes": list(robot.notes),
         "control": control.to_mapping(),

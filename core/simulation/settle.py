@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ..errors import RefusedError
-from ..representation import Robot
+from ..representation import Drive, Robot
 from .backend import MachineState, Vector
 
 if TYPE_CHECKING:
-    from ..control import Control, Controller
+    from ..control import Control
     from ..motion import MotionLaw
 
 TOLERANCE = 1.0e-13
@@ -26,6 +26,16 @@ class Weighed(Protocol):
         ...
 
 
+class Gains(Protocol):
+    """What is known of a controller before it ticks."""
+
+    kp: Vector
+
+    def feedforward_at_start(self) -> Vector:
+        """Torque added at t = 0, shape (n,)."""
+        ...
+
+
 def imposed_start(robot: Robot, engine: Weighed, law: MotionLaw) -> MachineState:
     """Sagged under gravity, moving with the motor sides if the motion begins moving."""
     theta, dtheta, _ = (row[0] for row in law.at(np.zeros(1)))
@@ -33,22 +43,24 @@ def imposed_start(robot: Robot, engine: Weighed, law: MotionLaw) -> MachineState
 
 
 def controlled_start(
-    robot: Robot, engine: Weighed, law: MotionLaw, control: Control, controller: Controller
+    robot: Robot, engine: Weighed, law: MotionLaw, control: Control, controller: Gains
 ) -> MachineState:
     """At rest in equilibrium under the controller; where there are no gains, at rest at the command."""
     command = law.at(np.zeros(1))[0][0]
     still = np.zeros(robot.n)
     kp = controller.kp
-    if control.mode == "torque" or not np.all(kp > 0.0):
-        return MachineState(0.0, sagged(robot, engine, command), still, command, still.copy())
+    passive = np.array([stage.drive.passive for stage in robot.stages])
+    if control.mode == "torque" or not np.all((kp > 0.0) | passive):
+        q = sagged(robot, engine, command)
+        return MachineState(0.0, q, still, np.where(passive, q, command), still.copy())
     q, theta = settled(robot, engine, command, kp, controller.feedforward_at_start())
     return MachineState(0.0, q, still, theta, still.copy())
 
 
 def arm_load(robot: Robot, engine: Weighed, q: Vector) -> Vector:
-    """Torque that the drives must pass to the arms at rest: gravity less the springs on the arm side, shape (n,)."""
+    """Torque that drives, and springs of passive joints, must pass to the arms at rest, shape (n,)."""
     springs = [
-        sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
+        0.0 if stage.drive.passive else sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
         for stage, x in zip(robot.stages, q, strict=True)
     ]
     return engine.gravity(q) + np.array(springs)
@@ -72,23 +84,23 @@ def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforw
         robot: At its level.
         engine: Whose gravity counts.
         command: Commanded motor-side position (true, without the encoder's offset), shape (n,).
-        kp: Gains in force [N m/rad or N/m], all above 0, shape (n,).
+        kp: Gains in force [N m/rad or N/m], above 0 but for passive joints, shape (n,).
         feedforward: Torque that the controller adds [N m or N], shape (n,).
 
     Raises:
         RefusedError: No equilibrium was found (gains or springs are too soft to hold the robot).
     """
     gain = np.array([stage.drive.gain for stage in robot.stages])
-    held = command + feedforward / kp
-    q = _equilibrium(robot, engine, held, 1.0 / (gain * kp))
-    return q, held - arm_load(robot, engine, q) / (gain * kp)
+    passive = np.array([stage.drive.passive for stage in robot.stages])
+    softness = np.where(passive, 0.0, 1.0 / np.where(passive, 1.0, gain * kp))
+    held = command + softness * gain * feedforward
+    q = _equilibrium(robot, engine, held, softness)
+    return q, np.where(passive, q, held - softness * arm_load(robot, engine, q))
 
 
 def _equilibrium(robot: Robot, engine: Weighed, held: Vector, softness: Vector) -> Vector:
     """The q that solves q = held - (softness + 1/K) load(q), by Newton's method with a difference Jacobian."""
-    give = softness + np.array(
-        [1.0 / stage.drive.spring.stiffness if stage.drive.spring else 0.0 for stage in robot.stages]
-    )
+    give = softness + np.array([_series_softness(stage.drive) for stage in robot.stages])
     q = held - give * arm_load(robot, engine, held)
     size = 1.0e-6
     largest = np.inf
@@ -108,3 +120,10 @@ def _equilibrium(robot: Robot, engine: Weighed, held: Vector, softness: Vector) 
         f"{robot.name} finds no rest under gravity (residual {largest:.3g} rad or m after "
         f"{ITERATIONS} iterations): springs or gains are too soft to hold it."
     )
+
+
+def _series_softness(drive: Drive) -> float:
+    """What a drive gives per torque that passes it [rad/(N m) or m/N]; a passive joint rests at 0 on its springs."""
+    if drive.passive:
+        return 1.0 / sum(spring.stiffness for spring in drive.arm_springs)
+    return 1.0 / drive.spring.stiffness if drive.spring else 0.0
