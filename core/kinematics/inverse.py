@@ -23,7 +23,7 @@ REACHED = 1.0e-10
 SINGULAR = 1.0e-3
 # a joint that moves further than this between two points of a path has changed branch [rad or reach]
 JUMP = 0.5
-ITERATIONS = 100
+ITERATIONS = 60
 # a step or an error this small is followed by nothing but rounding
 ROUNDING = 1.0e-13
 

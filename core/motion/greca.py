@@ -6,7 +6,7 @@ followed edge by edge, each from rest to rest, so that the corners are exact.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -167,8 +167,11 @@ def _place(robot: Robot, corners: Array, width: float | None, posture: tuple[flo
     reason = ""
     whole = WIDTH * reach(robot) if width is None else width
     sizes = [whole, 0.5 * whole, 0.25 * whole] if width is None else [whole]
+    places: Iterable[Place] = _candidates(robot, posture)
     for size in sizes:
-        for place in _candidates(robot, posture):
+        tried: list[Place] = []
+        for place in places:
+            tried.append(place)
             try:
                 condition = _worst_condition(place, _outline(corners * (size / units)))
             except UsageError as error:
@@ -176,8 +179,9 @@ def _place(robot: Robot, corners: Array, width: float | None, posture: tuple[flo
                 continue
             if condition > WELL_CONDITIONED or posture is not None:
                 return place, size / units
-    tried = f" around any of {POSTURES} postures near home" if posture is None else " around the posture given"
-    raise UsageError(f"{robot.name} cannot draw a Greek key {sizes[-1]:.3g} m wide{tried}{reason or '.'}")
+        places = tried
+    where = f" around any of {POSTURES} postures near home" if posture is None else " around the posture given"
+    raise UsageError(f"{robot.name} cannot draw a Greek key {sizes[-1]:.3g} m wide{where}{reason or '.'}")
 
 
 def _outline(corners: Array) -> Array:
