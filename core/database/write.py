@@ -14,6 +14,8 @@ from ..representation import Inertia, VeitscheggerWu
 from .database import Database, MotionTable, Placement, Visual
 from .schema import JOINTS
 from .sources import SETTINGS_FILE, YAML_SUFFIXES
+from .table import MOST_ROWS
+from .yaml_tree import MOST_NODES
 
 # a mesh larger than this is no picture of a robot's arm
 LARGEST_MESH = 256 * 2**20
@@ -37,10 +39,12 @@ def write(
         The files written.
 
     Raises:
-        UsageError: A file is in the way, a mesh is not there, or the system refuses to write.
+        UsageError: A file is in the way, a mesh is not there, a table is too large to be read again, or the system
+            refuses to write.
     """
     path = Path(path)
     texts: dict[str, str | bytes] = {}
+    _check_size(database, form)
     if form == "yaml":
         name = path.name if path.suffix.lower() in YAML_SUFFIXES else SETTINGS_FILE
         path = path.parent if path.suffix.lower() in YAML_SUFFIXES else path
@@ -50,6 +54,22 @@ def write(
     for mesh in sorted({shape.mesh for arm in database.visuals for shape in arm if shape.mesh}):
         texts[mesh] = _mesh(database, mesh)
     return write_whole(path, texts, force=force)
+
+
+def _check_size(database: Database, form: Literal["folder", "yaml"]) -> None:
+    """Refuse to write what could not be read again.
+
+    Raises:
+        UsageError: A table or the YAML document would be too large.
+    """
+    cells = 0
+    for name, (header, rows) in _tables(database).items():
+        cells += len(header) * (len(rows) + 1)
+        if len(rows) > MOST_ROWS:
+            raise UsageError(f"the table {name} of {database.name} has {len(rows)} rows; it may have {MOST_ROWS}.")
+    # a row is a node itself, and the settings and shapes have some
+    if form == "yaml" and 1.2 * cells > MOST_NODES:
+        raise UsageError(f"{database.name} has {cells} cells, too many for one YAML file; write it as a folder.")
 
 
 def _mesh(database: Database, mesh: str) -> bytes:

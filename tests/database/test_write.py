@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -67,6 +68,25 @@ def test_nothing_is_written_over_without_force(tmp_path: Path):
     assert {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()} == before
     write(replace(load("pendulum"), dummy_inertia=0.25), tmp_path / "out", force=True)
     assert load(tmp_path / "out").dummy_inertia == 0.25
+
+
+def test_what_could_not_be_read_again_is_not_written(small, tmp_path: Path, monkeypatch):
+    # the package's name `write` is the function
+    module = sys.modules["mbexport.core.database.write"]
+    monkeypatch.setattr(module, "MOST_ROWS", 100)
+    monkeypatch.setattr(module, "MOST_NODES", 300)
+    t = tuple(float(i) for i in range(100))
+    q = tuple((0.0, 0.0) for _ in t)
+    robot = replace(load(small()), motions=FrozenMap({"long": MotionTable(t, q)}))
+    with pytest.raises(UsageError, match="write it as a folder"):
+        write(robot, tmp_path / "long.yaml", "yaml")
+    write(robot, tmp_path / "long")
+    assert load(tmp_path / "long") == robot
+    longer = replace(robot, motions=FrozenMap({"long": MotionTable((*t, 100.0), (*q, (0.0, 0.0)))}))
+    with pytest.raises(UsageError, match="101 rows"):
+        write(longer, tmp_path / "longer")
+    assert not (tmp_path / "longer").exists()
+    assert not (tmp_path / "long.yaml").exists()
 
 
 def test_meshes_go_along(small, tmp_path: Path):
