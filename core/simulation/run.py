@@ -366,7 +366,7 @@ def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
     """Where and when a run left the joints' limits, which bound the planning and which no engine enforces."""
     for i, stage in enumerate(robot.stages):
         joint = stage.joint
-        outside = (q[:, i] < joint.lower) | (q[:, i] > joint.upper)
+        outside = (q[:, i] < joint.lower - INSTANT) | (q[:, i] > joint.upper + INSTANT)
         if outside.any():
             first = float(times[int(np.argmax(outside))])
             unit = "m" if joint.kind == "prismatic" else "rad"
