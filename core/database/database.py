@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -189,7 +190,7 @@ def home_within(lower: float, upper: float) -> float:
     return 0.5 * (lower + upper)
 
 
-def with_effects(database: Database, rows: FrozenMap[str, tuple[EffectRow, ...]]) -> Database:
+def with_effects(database: Database, rows: Mapping[str, tuple[EffectRow, ...]]) -> Database:
     """The database with rows of effects replaced, or added where there was none at that place.
 
     Args:

@@ -328,7 +328,11 @@ def _read_visual(node: Node, column: str, notes: Notes) -> Visual | None:
     count, meaning = _SIZES[kind]
     size: tuple[float, ...] | None = (1.0, 1.0, 1.0)
     if "size" in given:
-        size = numbers(given["size"], f"{column}.size", count, notes, above=0.0)
+        # a mesh may be mirrored by a negative scale
+        above = -math.inf if kind == "mesh" else 0.0
+        size = numbers(given["size"], f"{column}.size", count, notes, above=above)
+        if size is not None and 0.0 in size:
+            notes.error("a mesh cannot be scaled to nothing.", given["size"], f"{column}.size")
     elif kind != "mesh":
         notes.error(f"a {kind} has a size: {meaning}.", node, f"{column}.size")
         return None
