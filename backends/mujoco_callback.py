@@ -6,14 +6,17 @@ acts on that engine's data alone.
 
 from __future__ import annotations
 
+import ctypes
 import sys
 import threading
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..core.errors import RefusedError
 from ..core.simulation import imposed
 from ..core.simulation.by_address import (
     ENGINE,
@@ -35,6 +38,7 @@ _numba: Any = import_module("numba")
 _types: Any = _numba.types
 _ir: Any = import_module("llvmlite.ir")
 _mujoco: Any = import_module("mujoco")
+_step: Any = _mujoco.mj_step
 
 (
     DATA,  # address of the engine's mjData
@@ -202,17 +206,26 @@ def step_with_drives(model: Any, data: Any, steps: int, address: int) -> None:
         steps: How many.
         address: Of the engine's book.
     """
-    pointer = _pointer()
+    callback, slot = _callback_and_slot()
     with _LOCK:
-        before = _mujoco.get_mjcb_control()
+        before = slot.value
         _CURRENT[0] = address
-        _mujoco.set_mjcb_control(pointer)
+        slot.value = callback
         try:
-            _mujoco.mj_step(model, data, steps)
+            _step(model, data, steps)
         finally:
-            _mujoco.set_mjcb_control(before)
+            slot.value = before
 
 
 @cache
-def _pointer() -> Any:
-    return _compiled().ctypes
+def _callback_and_slot() -> tuple[int, ctypes.c_void_p]:
+    """Address of the compiled callback, and MuJoCo's variable mjcb_control.
+
+    Setting the variable through the Python binding costs as much as the laws of two whole steps.
+    """
+    folder = Path(str(_mujoco.__file__)).parent
+    library = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
+    if not library:
+        raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
+    slot = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")
+    return int(_compiled().address), slot

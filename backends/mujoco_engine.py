@@ -72,7 +72,7 @@ class MujocoEngine(DrivenEngine):
         self._armature = model.dof_armature.copy()
         self._clock = np.zeros(2)
         self._book = self._written_book(rows)
-        self._called = False
+        self._called = self._mixed = False
         self._step = 0.0
         self._statics = copy.copy(model)
         self._statics.dof_armature[:] = 0.0
@@ -180,7 +180,8 @@ class MujocoEngine(DrivenEngine):
         self._put(state)
         data.time = state.t
         self._book.impose(motion)
-        self._book.entries[at.MIXED] = motion is not None and not self.elastic.all()
+        self._mixed = motion is not None and not self.elastic.all()
+        self._book.entries[at.MIXED] = self._mixed
         self._book.entries[at.LOADED] = self.drives.needs_load
 
     def _put(self, state: MachineState) -> None:
@@ -195,12 +196,12 @@ class MujocoEngine(DrivenEngine):
         if step != self._step:
             self._option.timestep = self._step = step
         if self._called:
-            entries = self._book.entries
-            if entries[at.MIXED]:
+            if self._mixed:
                 # rounding of the rigid joints' imposed motion starts anew
                 self._put(self.state())
-            entries[at.CALLS] = 0
-            self._clock[:] = self._t, step
+            self._book.entries[at.CALLS] = 0
+            self._clock[0] = self._t
+            self._clock[1] = step
             at.step_with_drives(self._model, self._data, steps, self._book.address)
         else:
             _step(self._model, self._data, steps)
