@@ -180,6 +180,7 @@ class Backend(ABC):
         largest_step: Longest step it takes where nothing is stiff [s].
         stable: Largest step times eigenvalue at which the integrator is stable.
         scripted: What it emits runs a program by itself.
+        runs: It has an engine here; a format for engines elsewhere is emitted only.
     """
 
     name: ClassVar[str]
@@ -190,6 +191,7 @@ class Backend(ABC):
     largest_step: ClassVar[float] = 1.0e-3
     stable: ClassVar[float] = 2.0
     scripted: ClassVar[bool] = False
+    runs: ClassVar[bool] = True
 
     @abstractmethod
     def version(self) -> str:
