@@ -65,7 +65,25 @@ def build(database: Database, level: str = "full", effects: Iterable[str] | None
     )
     for effect in in_order([effect_named(name) for name in chosen]):
         robot = effect.apply(robot, database.effects[effect.name])
+    if database.inertia_check == "error":
+        _insist_on_bodies(robot, database)
     return draw(finish_drives(robot, database.dummy_inertia))
+
+
+def _insist_on_bodies(robot: Robot, database: Database) -> None:
+    """Effects may not turn an arm into what no body can be; the database's own arms were judged as it was read."""
+    from .database.bodies import fault_of
+
+    for stage, original in zip(robot.stages, database.inertias, strict=True):
+        body = stage.arm.inertia
+        if body == original:
+            continue
+        fault = f"its mass would be {body.mass!r} kg" if body.mass <= 0.0 else fault_of(body)
+        if fault is not None:
+            raise UsageError(
+                f"{robot.name} with {', '.join(robot.effects)}: {stage.arm.name} becomes impossible: {fault}. "
+                "Correct its row of link_inertia or payload, or set inertia_check: warn."
+            )
 
 
 def _chosen_effects(database: Database, level: str, effects: Iterable[str] | None) -> tuple[tuple[str, ...], str]:
