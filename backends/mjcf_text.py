@@ -16,6 +16,9 @@ ARM_SPRING_SUFFIX = "_arm_spring"
 _FRICTION_SOLVER = {"solreffriction": "0.002 1", "solimpfriction": "0.99 0.999 0.0001"}
 # A flat body's moments meet a + b = c; their last digits may break it, and MuJoCo refuses that
 _ROUNDING = 1.0e-12
+# joints that MuJoCo takes on one body
+_MOST_JOINTS = 6
+_CARRIER = Inertia(1.0e-14, (0.0, 0.0, 0.0), 1.0e-14, 1.0e-14, 1.0e-14)
 
 
 def mjcf_text(robot: Robot, step: float) -> str:
@@ -52,7 +55,7 @@ def mjcf_text(robot: Robot, step: float) -> str:
         tool=_place(robot.tool_in_last_joint()),
         meshes=[{"name": name, "file": file, "scale": scale} for (file, scale), name in meshes.items()],
         tendons=[_arm_spring(stage) for stage in stages if stage.drive.spring and stage.drive.arm_springs],
-        motors=[_motor(stage) for stage in stages],
+        motors=[_motor(stage) for stage in stages if not stage.drive.passive],
         sensed=[str(joint["name"]) for body in bodies for joint in body["joints"]],
         home=[x for stage in stages for x in ((stage.joint.home, 0.0) if stage.drive.spring else (stage.joint.home,))],
     )
@@ -72,7 +75,8 @@ def _place(pose: Pose) -> dict[str, Any]:
 def _bodies(robot: Robot, meshes: dict[tuple[str, tuple[float, ...]], str]) -> list[dict[str, Any]]:
     """One body an arm; joints of arms without any inertia, which MuJoCo refuses, go to the next body that has some.
 
-    Joints of one body act one after another, each in the frame that those before it have moved: the same chain.
+    Joints of one body act one after another, each in the frame that those before it have moved: the same chain. Where
+    they would be more than MuJoCo takes, a carrier in between gets an inertia that no digit of the arms' shows.
     """
     bodies: list[dict[str, Any]] = []
     place = Pose()
@@ -84,13 +88,16 @@ def _bodies(robot: Robot, meshes: dict[tuple[str, tuple[float, ...]], str]) -> l
         joints = [(joint, step.inverse() @ pose) for joint, pose in joints]
         joints += [(joint, Pose()) for joint in _joints(stage)]
         geoms += _geoms(robot, i, meshes)
+        inertia = robot.inertia_in_joint(i)
         if stage.arm.inertia == Inertia() and i < robot.n - 1:
-            continue
+            if len(joints) + len(_joints(robot.stages[i + 1])) <= _MOST_JOINTS:
+                continue
+            inertia = _CARRIER
         bodies.append(
             {
                 "name": stage.arm.name,
                 **_place(place),
-                "inertial": _inertial(robot.inertia_in_joint(i)),
+                "inertial": _inertial(inertia),
                 "joints": [joint | _axis(pose) for joint, pose in joints],
                 "geoms": geoms,
             }

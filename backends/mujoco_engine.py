@@ -54,10 +54,14 @@ class MujocoEngine(DrivenEngine):
         self._arm = np.array([model.joint(name).id for name in names], dtype=np.int64)
         motors = [name + MOTOR_SUFFIX if soft else name for name, soft in zip(names, self.elastic, strict=True)]
         self._motor = np.array([model.joint(name).id for name in motors], dtype=np.int64)
-        if [model.actuator(k).name for k in range(model.nu)] != list(names):
+        driven = np.array([not drive.passive for drive in sheet.drives])
+        if [model.actuator(k).name for k in range(model.nu)] != [n for n, d in zip(names, driven, strict=True) if d]:
             raise RefusedError(f"{emission.main}: its actuators must be the joints' motors, in the joints' order.")
-        # the held torques stand in MuJoCo's own array
-        self.command = self._data.ctrl
+        self._driven = np.flatnonzero(driven)
+        self._all_driven = bool(driven.all())
+        if self._all_driven:
+            # the held torques stand in MuJoCo's own array
+            self.command = self._data.ctrl
         self._soft = self.elastic.astype(float)
         self._rigid = not self.elastic.any()
         self._read_drives(names)
@@ -86,7 +90,7 @@ class MujocoEngine(DrivenEngine):
         model, table = self._model, self.drives.table
         table.inertia[:] = model.dof_armature[self._motor]
         table.damping[:] = model.dof_damping[self._motor]
-        table.gain[:] = model.actuator_gear[:, 0]
+        table.gain[self._driven] = model.actuator_gear[:, 0]
         table.stiffness[:] = np.where(self.elastic, model.jnt_stiffness[self._arm], 0.0)
         table.spring_damping[:] = np.where(self.elastic, model.dof_damping[self._arm], 0.0)
         table.arm_stiffness[:] = np.where(self.elastic, 0.0, model.jnt_stiffness[self._arm])
@@ -157,6 +161,12 @@ class MujocoEngine(DrivenEngine):
         _mujoco.mj_comVel(self._statics, data)
         _mujoco.mj_rne(self._statics, data, 1, self._torques)
         return self._torques[self._arm]
+
+    def hold(self, torque: Vector) -> None:
+        """As the contract says."""
+        super().hold(torque)
+        if not self._all_driven:
+            self._data.ctrl[:] = self.command[self._driven]
 
     def _pose(self, q: Vector) -> None:
         """The arms at q, motor sides and springs apart: deflections alone move them."""
