@@ -17,7 +17,7 @@ from ..core.kinematics import dynamics
 from ..core.motion import evaluate
 from ..core.rendering import python_literal
 from ..core.representation import Robot
-from ..core.simulation import drive_law, drive_table
+from ..core.simulation import drive_law, drive_table, imposed
 from ..core.simulation.backend import Program, Vector
 from ..core.simulation.compiled import law_function, uses_load
 from ..core.simulation.drive_sheet import DriveSheet
@@ -55,8 +55,9 @@ def script_values(robot: Robot, program: Program) -> dict[str, Any]:
         "loaded": loaded,
         "laws": [(effect, law, _law_text(effect, law)) for effect, law in sheet.laws()],
         "constants": [(name, getattr(drive_law, name)) for name in (*_CONSTANTS, *_LOADED_CONSTANTS * loaded)],
-        "kernel": _sources(*_KERNEL, *_LOADED * loaded),
-        "motion_text": _sources(*_MOTION),
+        "kernel": sources(*_KERNEL, *_LOADED * loaded),
+        "motion_text": sources(*_MOTION),
+        "correction_time": imposed.CORRECTION_TIME,
         "motion": literal({"knots": motion.knots.tolist(), "coefficients": motion.coefficients.tolist()}),
         "control": literal(_control(robot, program)),
         "feedforward": literal(_feedforward(robot, program)),
@@ -66,6 +67,11 @@ def script_values(robot: Robot, program: Program) -> dict[str, Any]:
         "mode": program.control.mode,
         "elastic": any(sheet.elastic()),
     }
+
+
+def sources(*items: Any) -> str:
+    """Text of functions and classes, verbatim."""
+    return "\n\n\n".join(inspect.getsource(item).rstrip() for item in items)
 
 
 def needs_load(sheet: DriveSheet) -> bool:
@@ -116,10 +122,6 @@ def _leaves(value: Any) -> int:
     if isinstance(value, list | tuple):
         return sum(map(_leaves, cast("list[Any]", value)))
     return 1
-
-
-def _sources(*items: Any) -> str:
-    return "\n\n\n".join(inspect.getsource(item).rstrip() for item in items)
 
 
 def _law_text(effect: str, law: str) -> str:
