@@ -13,6 +13,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+
 from mbexport.core.effects import Effect
 from mbexport.core.simulation import Backend
 
