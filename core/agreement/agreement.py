@@ -20,6 +20,7 @@ from ..simulation.backends import backend_named, backend_names
 from ..simulation.step import choose_step
 from .compare import Figure, Order, compare_commands, compare_motions, compare_runs, compare_statics, orders
 from .compare import plainly_controlled as _plainly_controlled
+from .convergence import Convergence, convergence
 from .culprit import TABLES, Evidence, Finding, find
 from .gates import GATES
 from .quantities import COUNT, STATICS, States, ask_engine, ask_tables, random_states, smooth
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 
 DURATION = 2.0
 """Of every run [s]: longer ones grow differences that no integrator is to blame for."""
+
+ORDERS = "convergence"
+"""Name of the study of error against step, beside STATICS and SCENARIOS."""
 
 SCHEMA = "mbexport-agreement/1"
 
@@ -104,6 +108,7 @@ class Agreement:
         figures: Every pair in every quantity.
         orders: Observed orders of first-order integrators.
         findings: A sentence for every disagreement.
+        convergence: Errors against steps, where that was asked for.
         evidence: All numbers behind it, for pictures; not compared and not in the JSON.
     """
 
@@ -119,6 +124,7 @@ class Agreement:
     figures: tuple[Figure, ...]
     orders: tuple[Order, ...]
     findings: tuple[Finding, ...]
+    convergence: Convergence | None
     evidence: Evidence = field(compare=False, repr=False)
 
     @property
@@ -181,6 +187,7 @@ class Agreement:
                 }
                 for order in self.orders
             ],
+            "convergence": asdict(self.convergence) if self.convergence else None,
             "gates": [asdict(gate) for gate in GATES.values()],
         }
 
@@ -217,7 +224,8 @@ def agree(
         level: Of the robot.
         effects: Names of effects instead of a level.
         with_effects: Folder of effects' tables whose rows replace the database's.
-        quantities: Names of static quantities and of runs (quantities.STATICS, scenarios.SCENARIOS); None: all.
+        quantities: Names of static quantities and of runs (quantities.STATICS, scenarios.SCENARIOS), and "convergence",
+            the errors against the step; None: all.
         duration: Of every run [s].
         states: How many random states statics are asked at.
         tell: Called with what is being done, how much is done and how much there is.
@@ -231,7 +239,7 @@ def agree(
     from ..database import with_effects as replaced
     from ..database.sources import find as find_source
 
-    known = (*STATICS, *SCENARIOS)
+    known = (*STATICS, *SCENARIOS, ORDERS)
     wanted = tuple(known if quantities is None else quantities)
     for name in wanted:
         if name not in known:
@@ -312,7 +320,8 @@ def _compared(
     size = reach(robot)
     statics = tuple(name for name in STATICS if name in wanted)
     to_run = scenarios(robot, wanted, duration, database=subject.database)
-    total = len(backends) * (1 + len(to_run))
+    study = _studied(robot, wanted, to_run, duration, subject.database)
+    total = len(backends) * (1 + len(to_run) + (study is not None)) + (study is not None)
     done = 0
 
     def told(what: str) -> None:
@@ -401,6 +410,7 @@ def _compared(
         runs=tuple(facts),
         figures=tuple(figures),
         orders=tuple(found_orders),
+        convergence=convergence(study, able, told) if study is not None else None,
         findings=(*_not_loaded(backends, not_loaded), *find(evidence)),
         evidence=evidence,
     )
@@ -478,6 +488,18 @@ def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[st
     finally:
         for engine in opened:
             engine.close()
+
+
+def _studied(
+    robot: Robot, wanted: Sequence[str], made: Sequence[Scenario], duration: float, database: Database
+) -> Scenario | None:
+    """The run of the study of error against step: the closed loop, elastic where the robot is."""
+    if ORDERS not in wanted:
+        return None
+    loops = ("rigid_loop", "compliant_loop")
+    elastic = any(stage.drive.spring for stage in robot.stages)
+    there = [scenario for scenario in made if scenario.name == loops[elastic]]
+    return there[0] if there else scenarios(robot, loops, duration, database=database)[-1]
 
 
 def _laws(subject: _Subject) -> dict[str, Any]:

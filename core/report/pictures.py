@@ -1,0 +1,77 @@
+"""Pictures inside a page: Matplotlib to SVG, the same bytes for the same numbers."""
+
+from __future__ import annotations
+
+import base64
+import io
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+STYLE: dict[str, Any] = {
+    "svg.hashsalt": "mbexport",
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.sans-serif": ["Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.edgecolor": "#8a929c",
+    "axes.labelcolor": "#39424e",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e6e9ed",
+    "grid.linewidth": 0.8,
+    "xtick.color": "#5b6470",
+    "ytick.color": "#5b6470",
+    "legend.frameon": False,
+    "lines.solid_capstyle": "round",
+}
+
+# told apart by people who do not see all colours (Okabe and Ito, 2008)
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c564b", "#444444")
+# voices drawn over each other, wide below and narrow above, so that each can be seen where they agree
+WIDTHS = (6.5, 4.2, 2.4, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One picture of a page.
+
+    Attributes:
+        source: Address of the picture with all of it inside (data:).
+        alt: What is to be seen, for those who cannot.
+        caption: Below it.
+    """
+
+    source: str
+    alt: str
+    caption: str
+
+
+def new_figure(width: float, height: float) -> Any:
+    """An empty figure of that size [inch]."""
+    with styled():
+        return import_module("matplotlib.figure").Figure(figsize=(width, height), layout="constrained")
+
+
+def styled() -> Any:
+    """The style, as a context."""
+    return import_module("matplotlib").rc_context(STYLE)
+
+
+def picture(figure: Any, alt: str, caption: str) -> Picture:
+    """A figure as part of a page."""
+    stream = io.BytesIO()
+    with styled():
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return Picture(f"data:image/svg+xml;base64,{data}", alt, caption)
+
+
+def line_style(k: int) -> dict[str, Any]:
+    """Colour and width of the k-th voice, from 0."""
+    return {"color": COLOURS[k % len(COLOURS)], "linewidth": WIDTHS[min(k, len(WIDTHS) - 1)]}
