@@ -146,7 +146,7 @@ class Agreement:
         tables = " and the text of its tables" if engines < len(self.voices) else ""
         return (
             f"{_counted(engines)}{tables} agree on {self.robot} at level {self.level} in all "
-            f"{len(self.figures)} comparisons; the one nearest to its gate takes {share:.0f} % of it.",
+            f"{len(self.figures)} comparisons; the one nearest to its gate takes {share:.2g} % of it.",
         )
 
     def worst(self) -> tuple[Figure, ...]:

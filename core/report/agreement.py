@@ -106,14 +106,14 @@ class Quantities(Section):
             agreeing = [v for v in answer.evidence.labels if v not in odd]
             cells = [_cell(of_row, voice, [trusted] if common else agreeing) for voice in voices]
             if any(cells):
-                gates = sorted({figure.gate for figure in of_row})
+                gates = list(dict.fromkeys(f"{gate:.0e}" for gate in sorted({figure.gate for figure in of_row})))
                 heading = "At rest" if scenario == "statics" else SCENARIOS[scenario].capitalize()
                 groups.setdefault(heading, []).append(
                     {
                         "signal": WORDS[signal],
                         "unit": "relative" if GATES[signal].unit == "1" else GATES[signal].unit,
                         "cells": cells,
-                        "gates": ", ".join(f"{gate:.1e}" for gate in gates),
+                        "gates": gates[0] if len(gates) == 1 else f"{gates[0]} to {gates[-1]}",
                     }
                 )
         return {"voices": voices, "groups": groups} if groups else {}

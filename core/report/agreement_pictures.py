@@ -180,7 +180,7 @@ def gates_picture(agreement: Agreement) -> Picture | None:
                 x.append(max(ratio, LEFT_EDGE))
                 y.append(rows.index((compared.scenario, compared.signal)))
             if x:
-                label = "a first-order integrator takes part" if kind == "B" else "none does"
+                label = f"{'a' if kind == 'B' else 'no'} first-order integrator takes part"
                 axes.plot(x, y, marker, color=colour, markersize=5, alpha=0.65, markeredgewidth=0, label=label)
                 reaches.append(max(x))
         axes.set_xscale("log")
@@ -240,19 +240,18 @@ def order_picture(agreement: Agreement) -> Picture | None:
 
 
 def _slopes(axes: Any, points: Sequence[tuple[str, float, float]]) -> None:
-    """Guides of first and fourth order through the middle of the picture."""
+    """Guides of first and fourth order above the engines' lines."""
     steps = np.array(sorted({step for _, step, _ in points}))
     if len(steps) < 2:
         return
+    low, high = axes.get_ylim()
     top = max(error for _, _, error in points)
-    low = axes.get_ylim()[0]
-    for order in (1, 4):
-        line = 3.0 * top * (steps / steps[-1]) ** order
+    for order, place in ((1, 0), (4, -2)):
+        line = 4.0 * top * (steps / steps[-1]) ** order
         axes.plot(steps, line, color="#9aa2ac", linewidth=0.9, linestyle=(0, (2, 2)))
-        axes.annotate(
-            f"order {order}", (steps[-1], line[-1]), xytext=(4, -2), textcoords="offset points", color="#5b6470"
-        )
-    axes.set_ylim(bottom=low)
+        at = (steps[place], line[place])
+        axes.annotate(f"order {order}", at, xytext=(0, 4), textcoords="offset points", color="#5b6470", ha="right")
+    axes.set_ylim(low, max(high, 40.0 * top))
 
 
 def _length(value: float) -> str:

@@ -34,7 +34,7 @@ STYLE: dict[str, Any] = {
 # told apart by people who do not see all colours (Okabe and Ito, 2008)
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c564b", "#444444")
 # voices drawn over each other, wide below and narrow above, so that each can be seen where they agree
-WIDTHS = (6.5, 4.2, 2.4, 1.0)
+WIDTHS = (5.6, 3.6, 2.0, 0.8)
 
 
 @dataclass(frozen=True, slots=True)
