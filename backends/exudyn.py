@@ -10,8 +10,8 @@ from ..core.rendering import render
 from ..core.representation import Pose, Robot, Stage
 from ..core.simulation.backend import Backend, Emission, Engine, Program
 from ..core.simulation.imposed import imposed_acceleration
-from .common import Fate, concepts_of, header_lines
-from .script import literal, run_script, script_values, sources
+from .common import Fate, concepts_of, header_lines, weightless_motor
+from .script import literal, motionless, run_script, script_values, sources
 
 INTEGRATOR = "explicit Runge-Kutta of order 4 (RK44), drives evaluated at every stage"
 
@@ -56,14 +56,15 @@ class ExudynBackend(Backend):
     largest_step: ClassVar[float] = 1.0e-3
     # where the stability region of RK4 ends on the negative real axis
     stable: ClassVar[float] = 2.785
+    scripted: ClassVar[bool] = True
 
     def version(self) -> str:
         """Version of Exudyn, from its metadata."""
         return version_of("exudyn")
 
     def refusal(self, robot: Robot, program: Program | None) -> str | None:
-        """A joint that moves nothing has no equation of motion."""
-        return motionless(robot)
+        """Motors without weight, and joints that move nothing."""
+        return weightless_motor(robot, program) or motionless(robot)
 
     def emit(self, robot: Robot, program: Program) -> Emission:
         """The robot as a script."""
@@ -101,17 +102,6 @@ class ExudynBackend(Backend):
         from .exudyn_engine import ExudynEngine
 
         return ExudynEngine(run_script(emission.files[emission.main], emission.main))
-
-
-def motionless(robot: Robot) -> str | None:
-    """Joints that would turn or shift no inertia at all, by name; None where there are none."""
-    behind = 0.0
-    for stage in reversed(robot.stages):
-        body = stage.arm.inertia
-        behind += body.mass + body.xx + body.yy + body.zz
-        if behind == 0.0 and (stage.drive.inertia == 0.0 or stage.drive.spring is not None):
-            return f"{stage.joint.name} moves no mass: {stage.arm.name} and what follows it have mass 0."
-    return None
 
 
 def _pose(pose: Pose) -> dict[str, Any]:

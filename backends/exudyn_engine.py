@@ -96,6 +96,7 @@ class ExudynEngine(DrivenEngine):
 
     def _integrate(self, duration: float, steps: int) -> None:
         assert self._running is not None
+        self._running.stage.begin(self._t, duration / steps)
         try:
             self._script["advance"](self._running.model, self._t, duration, steps)
         except RuntimeError as error:

@@ -16,10 +16,12 @@ from ..core.simulation import drive_law, imposed
 from ..core.simulation.by_address import (
     ENGINE,
     IMPOSED,
+    JOINTS,
     SIZE,
     Book,
     drive_memory_at,
     floats,
+    follow_acceleration,
     follow_motion,
     integers,
     motion_reference,
@@ -35,7 +37,16 @@ if TYPE_CHECKING:
 _numba: Any = import_module("numba")
 _types: Any = _numba.types
 
-JOINTS, COORDINATES, X, V, COMMAND, OUT, FLYWHEEL = range(ENGINE, ENGINE + 7)
+(
+    COORDINATES,
+    LAST,  # half steps since the advance began, at the last evaluation
+    X,
+    V,
+    COMMAND,
+    OUT,
+    FLYWHEEL,
+    CLOCK,  # when the advance began, and half a step
+) = range(ENGINE, ENGINE + 8)
 
 _acceleration: Any = imposed.imposed_acceleration
 _coordinate_torques: Any = drive_law.coordinate_torques
@@ -56,13 +67,15 @@ class Stage:
         self.command = np.zeros(n)
         self.out = np.zeros(len(x))
         self._book = Book(drives)
-        self._book.entries[[JOINTS, COORDINATES]] = n, len(x)
+        self._clock = np.zeros(2)
+        self._book.entries[COORDINATES] = len(x)
         for place, array in (
             (X, x),
             (V, v),
             (COMMAND, self.command),
             (OUT, self.out),
             (FLYWHEEL, np.array([flywheel])),
+            (CLOCK, self._clock),
         ):
             self._book.put(place, array)
         self._address = self._book.address
@@ -71,6 +84,11 @@ class Stage:
     def impose(self, motion: MotionLaw | None) -> None:
         """Motor sides follow a motion; None: they move freely."""
         self._book.impose(motion)
+
+    def begin(self, t: float, h: float) -> None:
+        """Steps of h [s] begin at time t [s]."""
+        self._clock[:] = t, 0.5 * h
+        self._book.entries[LAST] = 0
 
     def evaluate(self, t: float, accept: bool) -> None:
         """Torques at the model's coordinates as they are now, into `out`; `accept` after a step."""
@@ -99,6 +117,13 @@ def _compiled() -> Any:
                 memory.dtheta[i] = dq_ref[i]
         _coordinate_torques(memory, t, x, v, floats(book[COMMAND], n), out, accept)
         if book[IMPOSED]:
+            # The fourth stage of a step and the first of the next are at one time, and only they: which of them asks
+            # shows in the time of the one that asked before.
+            clock = floats(book[CLOCK], 2)
+            now = round((t - clock[0]) / clock[1])
+            stage = 1 if now % 2 == 1 else 3 if book[LAST] % 2 == 1 else 0
+            book[LAST] = now
+            follow_acceleration(book, n, t, stage)
             for i in range(n):
                 if memory.table.elastic[i] == 0:
                     wanted = _acceleration(x[i], v[i], q_ref[i], dq_ref[i], ddq_ref[i])

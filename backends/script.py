@@ -81,6 +81,17 @@ def needs_load(sheet: DriveSheet) -> bool:
     )
 
 
+def motionless(robot: Robot) -> str | None:
+    """Joints that would turn or shift no inertia at all, by name; None where there are none."""
+    behind = 0.0
+    for stage in reversed(robot.stages):
+        body = stage.arm.inertia
+        behind += body.mass + body.xx + body.yy + body.zz
+        if behind == 0.0 and (stage.drive.inertia == 0.0 or stage.drive.spring is not None):
+            return f"{stage.joint.name} moves no mass: {stage.arm.name} and what follows it have mass 0."
+    return None
+
+
 def literal(value: Any, indent: int = 0) -> str:
     """Plain data as Python that a person can read: on one line where it fits, else an item a line."""
     if _leaves(value) <= FLAT:

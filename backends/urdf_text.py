@@ -7,8 +7,11 @@ from typing import Any
 
 from ..core.build import level_at_rest
 from ..core.rendering import render
-from ..core.representation import Inertia, Joint, Pose, Robot, Stage
+from ..core.representation import Inertia, Joint, Pose, Robot, Stage, Vector3
 from .common import UNLIMITED, header_lines
+
+# how far rounding may break the triangle of a flat body's moments, relative
+FLAT = 1.0e-9
 
 
 def urdf_text(robot: Robot, *, principal_axes: bool = False, frames: bool = True) -> str:
@@ -74,8 +77,8 @@ def _fixed(name: str, parent: str, child: str, pose: Pose) -> dict[str, Any]:
 def _link(robot: Robot, i: int, principal_axes: bool, materials: dict[tuple[float, ...], str]) -> dict[str, Any]:
     arm, inertia, arm_in_joint = robot.stages[i].arm, robot.inertia_in_joint(i), robot.arm_in_joint(i)
     if principal_axes:
-        (xx, yy, zz), pose = inertia.principal()
-        body = _body(Inertia(inertia.mass, inertia.com, xx, yy, zz), pose)
+        moments, pose = inertia.principal()
+        body = _body(Inertia(inertia.mass, inertia.com, *within_triangle(moments)), pose)
     else:
         body = _body(inertia, Pose(inertia.com))
     shapes = [
@@ -90,6 +93,12 @@ def _link(robot: Robot, i: int, principal_axes: bool, materials: dict[tuple[floa
         for shape in arm.shapes
     ]
     return {"name": arm.name, "body": body, "shapes": shapes}
+
+
+def within_triangle(moments: Vector3) -> Vector3:
+    """Ascending principal moments of a flat or thin body, whose rounding no engine shall take for a broken triangle."""
+    a, b, c = (0.0 if -FLAT * moments[2] <= moment < 0.0 else moment for moment in moments)
+    return a, b, a + b if a + b < c <= (a + b) * (1.0 + FLAT) else c
 
 
 def _joint(stage: Stage, parent: str, place: Pose) -> dict[str, Any]:
