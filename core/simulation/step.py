@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 # holds a joint, so it has to be stable, not resolved.
 ACCURATE = 0.76
 BRISTLE = 1.5
+MARGIN = 0.9
 
 
 # how many positions along a motion are looked at
@@ -116,7 +117,7 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
     smooth = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=False)
     limits = [backend.largest_step]
     limits += [ACCURATE / smooth] if smooth > 0.0 else []
-    limits += [BRISTLE / stiff] if stiff > smooth else []
+    limits += [min(BRISTLE, MARGIN * backend.stable) / stiff] if stiff > smooth else []
     return _nice(min(limits))
 
 
