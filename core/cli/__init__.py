@@ -18,6 +18,7 @@ VERBS = {
     "import": "Make a database from a URDF or an MJCF model.",
     "simulate": "Run a robot in one engine and write the run.",
     "agree": "Prove that all engines run the same robot.",
+    "sweep": "Run many variants of a robot: what the tip's error owes to which parameter.",
     "demo": "All of it on the built-in robot, in one go.",
 }
 

@@ -60,8 +60,9 @@ def as_it_stands(function: Any) -> None:
     _numba(".extending").register_jitable(function)
 
 
+@cache
 def compile_text(function: Any) -> Any:
-    """A plain function compiled, cached on disk between processes."""
+    """A plain function compiled once a process, cached on disk between processes."""
     teach_numba()
     return _numba().njit(cache=True)(function)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -350,7 +351,7 @@ def _trace(
         "source_hash": robot.source_hash,
         "backend": backend.name,
         "engine": backend.engine,
-        "version": backend.version(),
+        "version": _version(backend),
         "integrator": backend.integrator,
         "step": h,
         "duration": duration,
@@ -360,6 +361,12 @@ def _trace(
     }
     kinds = tuple(stage.joint.kind for stage in robot.stages)
     return Trace(times, joints, tool, kinds, facts, tuple(_left_limits(robot, times, record.q)))
+
+
+@cache
+def _version(backend: Backend) -> str:
+    """Of the engine; reading it from its distribution takes 10 ms, which many short runs would notice."""
+    return backend.version()
 
 
 def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
