@@ -102,6 +102,15 @@ class PybulletEngine(DrivenEngine):
         q, dq, torque, needs_mass = drive.q, drive.dq, drive.torque, drive.needs_mass
         still = [0.0] * self.n
         bullet.setTimeStep(h, client)
+        if drive.constant:
+            forces = (self.drives.table.gain * self.command).tolist()
+            for _ in range(steps):
+                write(body, joints, mode, forces=forces, physicsClientId=client)
+                step(client)
+            states = read(body, joints, client)
+            q[:], dq[:] = [state[0] for state in states], [state[1] for state in states]
+            self._check_finite(duration)
+            return
         position, speed = q.tolist(), dq.tolist()
         for k in range(steps):
             if needs_mass:
@@ -116,7 +125,10 @@ class PybulletEngine(DrivenEngine):
             speed = [state[1] for state in states]
             q[:] = position
             dq[:] = speed
-        if not np.isfinite(q).all():
+        self._check_finite(duration)
+
+    def _check_finite(self, duration: float) -> None:
+        if not np.isfinite(self._drive_step.q).all():
             raise self._not_finite(self._t + duration)
 
     def _integrated(self) -> MachineState:

@@ -74,6 +74,7 @@ class DriveStep:
         mass_matrix, bias: Of the arms, shapes (n, n) and (n,); written before each step that `needs_mass`.
         torque: Out: what PyBullet's arms get, shape (n,).
         needs_mass: Accelerations have to be solved for.
+        constant: The drives pass the command on and do nothing else, so that no state is needed between steps.
     """
 
     def __init__(self, drives: Drives) -> None:
@@ -84,7 +85,10 @@ class DriveStep:
         self._loaded = drives.needs_load
         self.q, self.dq, self.theta, self.dtheta, self.command, self.torque, self.bias = (np.zeros(n) for _ in range(7))
         self.mass_matrix: Vector = np.zeros((n, n))
-        self.needs_mass = False
+        self.needs_mass = self.constant = False
+        table = drives.table
+        silent = (table.elastic, table.inertia, table.damping, table.arm_stiffness)
+        self._silent = not any(values.any() for values in silent) and not len(table.kinds) and not len(table.slip_level)
         self._book = Book(drives)
         for place, array in (
             (Q, self.q),
@@ -112,6 +116,7 @@ class DriveStep:
         loaded = self._loaded and not imposed_motion
         rotors = self._rotors and not imposed_motion
         self._book.entries[[FREE, ROTORS, LOADED]] = int(self._elastic.sum()), rotors, loaded
+        self.constant = self._silent and not imposed_motion
         self.needs_mass = rotors or loaded or (imposed_motion and not bool(self._elastic.all()))
 
     def step(self, t: float, h: float) -> None:

@@ -7,6 +7,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
@@ -69,6 +70,7 @@ def script_values(robot: Robot, program: Program) -> dict[str, Any]:
     }
 
 
+@cache
 def sources(*items: Any) -> str:
     """Text of functions and classes, verbatim."""
     return "\n\n\n".join(inspect.getsource(item).rstrip() for item in items)
@@ -135,6 +137,7 @@ def _leaves(value: Any) -> int:
     return 1
 
 
+@cache
 def _law_text(effect: str, law: str) -> str:
     """Source of a law under a name of its own, for two effects may call theirs the same."""
     function: Callable[..., float] = law_function(effect, law)
