@@ -12,7 +12,7 @@ import threading
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,19 +20,21 @@ from ..core.errors import RefusedError
 from ..core.simulation import imposed
 from ..core.simulation.by_address import (
     ENGINE,
-    IMPOSED,
     SIZE,
     accelerate_elastic,
     drive_memory_at,
     evaluate_drives,
     evaluate_loaded_drives,
     floats,
+    follow_acceleration,
     follow_motion,
     integers,
     motion_reference,
     source_stamp,
 )
 from ..core.simulation.compiled import as_it_stands
+
+Way = Literal["torque", "load", "motion"]
 
 _numba: Any = import_module("numba")
 _types: Any = _numba.types
@@ -44,7 +46,6 @@ _step: Any = _mujoco.mj_step
     DATA,  # address of the engine's mjData
     CALLS,  # since the advance began; RK4 calls four times a step, first at the accepted state
     MIXED,  # 1 where rigid joints are imposed beside elastic ones
-    LOADED,  # 1 where friction of rigid joints depends on the torque they pass
     DOFS,
     CLOCK,  # time at which the advance began, step
     POSITION,
@@ -65,7 +66,7 @@ _step: Any = _mujoco.mj_step
     ACCELERATION,
     ARM_BIAS,
     TORQUE,
-) = range(ENGINE, ENGINE + 24)
+) = range(ENGINE, ENGINE + 23)
 
 # compiled code finds the book of the engine that advances here
 _CURRENT = np.zeros(1, dtype=np.int64)
@@ -140,64 +141,99 @@ def _drive_rigid_joints(book: Any, memory: Any, n: int) -> None:
         applied[arm[r]] = force
 
 
+@_numba.njit
+def _read_state(book: Any, memory: Any) -> Any:
+    """MuJoCo's state into the drives' memory; (stage 0 to 3, its time)."""
+    stage = book[CALLS] % 4
+    clock = floats(book[CLOCK], 2)
+    t = clock[0] + (book[CALLS] // 4 + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) * clock[1]
+    book[CALLS] += 1
+    n = memory.q.shape[0]
+    position = floats(book[POSITION], book[DOFS])
+    speed = floats(book[SPEED], book[DOFS])
+    motor = integers(book[MOTOR], n)
+    arm = integers(book[ARM], n)
+    for i in range(n):
+        memory.theta[i] = memory.q[i] = position[motor[i]]
+        memory.dtheta[i] = memory.dq[i] = speed[motor[i]]
+        if arm[i] != motor[i]:
+            memory.q[i] += position[arm[i]]
+            memory.dq[i] += speed[arm[i]]
+    return stage, t
+
+
+@_numba.njit
+def _write_torques(book: Any, memory: Any) -> None:
+    """The drives' torques into qfrc_applied; the command acts through MuJoCo's own motors."""
+    n = memory.q.shape[0]
+    applied = floats(book[APPLIED], book[DOFS])
+    motor = integers(book[MOTOR], n)
+    arm = integers(book[ARM], n)
+    for i in range(n):
+        if arm[i] == motor[i]:
+            applied[arm[i]] = memory.on_arm[i] - memory.friction[i]
+        else:
+            # the motor's coordinate carries the arm too: both sides' torques act on it
+            applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
+            applied[motor[i]] = applied[arm[i]] - memory.friction[i] - memory.reaction[i]
+
+
+@_numba.njit
+def _write_motion(book: Any, memory: Any, stage: int, t: float) -> None:
+    """Motor sides follow the imposed motion, arms their springs, into qfrc_applied."""
+    n = memory.q.shape[0]
+    applied = floats(book[APPLIED], book[DOFS])
+    armature = floats(book[ARMATURE], book[DOFS])
+    motor = integers(book[MOTOR], n)
+    arm = integers(book[ARM], n)
+    follow_motion(book, n, t)
+    q_ref, dq_ref, ddq_ref = motion_reference(book, n)
+    for i in range(n):
+        memory.theta[i] = q_ref[i]
+        memory.dtheta[i] = dq_ref[i]
+    evaluate_drives(memory, t, stage == 0)
+    for i in range(n):
+        if arm[i] != motor[i]:
+            applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
+            applied[motor[i]] = applied[arm[i]] + armature[motor[i]] * ddq_ref[i]
+    if book[MIXED] == 1:
+        follow_acceleration(book, n, t, stage)
+        _drive_rigid_joints(book, memory, n)
+
+
 @cache
-def _compiled() -> Any:
-    """The callback, compiled: void(const mjModel*, mjData*)."""
+def _compiled(way: Way) -> Any:
+    """The callback for one way of running, compiled: void(const mjModel*, mjData*)."""
     stamp = source_stamp(sys.modules[__name__], imposed)
 
-    def drive(model: int, data: int) -> None:
+    def by_torque(model: int, data: int) -> None:
         book = integers(_book_address(), SIZE)
-        if stamp == 0 or book[DATA] != data:
-            return
-        stage = book[CALLS] % 4
-        clock = floats(book[CLOCK], 2)
-        t = clock[0] + (book[CALLS] // 4 + (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)) * clock[1]
-        accept = stage == 0
-        book[CALLS] += 1
-        memory = drive_memory_at(book)
-        n = memory.q.shape[0]
-        position = floats(book[POSITION], book[DOFS])
-        speed = floats(book[SPEED], book[DOFS])
-        applied = floats(book[APPLIED], book[DOFS])
-        armature = floats(book[ARMATURE], book[DOFS])
-        motor = integers(book[MOTOR], n)
-        arm = integers(book[ARM], n)
-        for i in range(n):
-            memory.theta[i] = memory.q[i] = position[motor[i]]
-            memory.dtheta[i] = memory.dq[i] = speed[motor[i]]
-            if arm[i] != motor[i]:
-                memory.q[i] += position[arm[i]]
-                memory.dq[i] += speed[arm[i]]
-        if book[IMPOSED] == 0:
-            if book[LOADED] == 1:
-                _evaluate_loaded(book, memory, n, t, accept)
-            else:
-                evaluate_drives(memory, t, accept)
-            for i in range(n):
-                if arm[i] == motor[i]:
-                    applied[arm[i]] = memory.on_arm[i] - memory.friction[i]
-                else:
-                    # the motor's coordinate carries the arm too: both sides' torques act on it
-                    applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
-                    applied[motor[i]] = applied[arm[i]] - memory.friction[i] - memory.reaction[i]
-            return
-        follow_motion(book, n, t)
-        q_ref, dq_ref, ddq_ref = motion_reference(book, n)
-        for i in range(n):
-            memory.theta[i] = q_ref[i]
-            memory.dtheta[i] = dq_ref[i]
-        evaluate_drives(memory, t, accept)
-        for i in range(n):
-            if arm[i] != motor[i]:
-                applied[arm[i]] = memory.transmitted[i] + memory.on_arm[i]
-                applied[motor[i]] = applied[arm[i]] + armature[motor[i]] * ddq_ref[i]
-        if book[MIXED] == 1:
-            _drive_rigid_joints(book, memory, n)
+        if stamp != 0 and book[DATA] == data:
+            memory = drive_memory_at(book)
+            stage, t = _read_state(book, memory)
+            evaluate_drives(memory, t, stage == 0)
+            _write_torques(book, memory)
 
-    return _numba.cfunc("void(intp, intp)", cache=True)(drive)
+    def under_load(model: int, data: int) -> None:
+        book = integers(_book_address(), SIZE)
+        if stamp != 0 and book[DATA] == data:
+            memory = drive_memory_at(book)
+            stage, t = _read_state(book, memory)
+            _evaluate_loaded(book, memory, memory.q.shape[0], t, stage == 0)
+            _write_torques(book, memory)
+
+    def by_motion(model: int, data: int) -> None:
+        book = integers(_book_address(), SIZE)
+        if stamp != 0 and book[DATA] == data:
+            memory = drive_memory_at(book)
+            stage, t = _read_state(book, memory)
+            _write_motion(book, memory, stage, t)
+
+    function = {"torque": by_torque, "load": under_load, "motion": by_motion}[way]
+    return _numba.cfunc("void(intp, intp)", cache=True)(function)
 
 
-def step_with_drives(model: Any, data: Any, steps: int, address: int) -> None:
+def step_with_drives(model: Any, data: Any, steps: int, address: int, way: Way) -> None:
     """Step a model of one of our engines that many times, the callback set.
 
     Args:
@@ -205,8 +241,9 @@ def step_with_drives(model: Any, data: Any, steps: int, address: int) -> None:
         data: Its mjData.
         steps: How many.
         address: Of the engine's book.
+        way: How the motor sides are moved: by torque, by torque where friction depends on load, or by a motion.
     """
-    callback, slot = _callback_and_slot()
+    callback, slot = _callback_address(way), _callback_slot()
     with _LOCK:
         before = slot.value
         _CURRENT[0] = address
@@ -218,14 +255,15 @@ def step_with_drives(model: Any, data: Any, steps: int, address: int) -> None:
 
 
 @cache
-def _callback_and_slot() -> tuple[int, ctypes.c_void_p]:
-    """Address of the compiled callback, and MuJoCo's variable mjcb_control.
+def _callback_address(way: Way) -> int:
+    return int(_compiled(way).address)
 
-    Setting the variable through the Python binding costs as much as the laws of two whole steps.
-    """
+
+@cache
+def _callback_slot() -> ctypes.c_void_p:
+    """MuJoCo's variable mjcb_control; setting it through the Python binding costs as much as two steps' laws."""
     folder = Path(str(_mujoco.__file__)).parent
     library = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
     if not library:
         raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
-    slot = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")
-    return int(_compiled().address), slot
+    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")

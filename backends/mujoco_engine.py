@@ -192,7 +192,7 @@ class MujocoEngine(DrivenEngine):
         self._book.impose(motion)
         self._mixed = motion is not None and not self.elastic.all()
         self._book.entries[at.MIXED] = self._mixed
-        self._book.entries[at.LOADED] = self.drives.needs_load
+        self._way: at.Way = "motion" if motion is not None else "load" if self.drives.needs_load else "torque"
 
     def _put(self, state: MachineState) -> None:
         data = self._data
@@ -212,7 +212,7 @@ class MujocoEngine(DrivenEngine):
             self._book.entries[at.CALLS] = 0
             self._clock[0] = self._t
             self._clock[1] = step
-            at.step_with_drives(self._model, self._data, steps, self._book.address)
+            at.step_with_drives(self._model, self._data, steps, self._book.address, self._way)
         else:
             _step(self._model, self._data, steps)
         # what is no number spreads to all coordinates of a chain within a step

@@ -61,7 +61,6 @@ class PinocchioEngine(DrivenEngine):
         self._configuration = np.zeros(model.nq)
         self._velocity, self._torque = np.zeros(self.n), np.zeros(self.n)
         self._book = self._written_book()
-        self._begin, self._stage = at.stage_functions()
 
     def _written_book(self) -> Book:
         n = self.n
@@ -140,6 +139,7 @@ class PinocchioEngine(DrivenEngine):
         self._book.impose(self._imposed)
         self._solved = self.drives.needs_load if not imposed else not self.elastic.all()
         entries[at.SOLVED] = self._solved
+        self._begin, self._stage = at.stage_functions(self._solved)
 
     def _integrate(self, duration: float, steps: int) -> None:
         self._clock[:] = self._t, duration / steps

@@ -22,6 +22,7 @@ from ..core.simulation.by_address import (
     evaluate_drives,
     evaluate_loaded_drives,
     floats,
+    follow_acceleration,
     follow_motion,
     integers,
     motion_reference,
@@ -32,7 +33,6 @@ _numba: Any = import_module("numba")
 
 (
     SOLVED,  # 1 where mass matrix and bias are asked of Pinocchio and the accelerations solved here
-    LOADED,  # 1 where friction of rigid joints depends on the torque they pass
     ELASTIC,  # how many joints are elastic
     ORDERED,  # elastic joints, then rigid ones
     STAGE,  # 0 to 3
@@ -57,7 +57,7 @@ _numba: Any = import_module("numba")
     ARM_BIAS,
     ARM_TORQUE,
     SLOPE,
-) = range(ENGINE, ENGINE + 26)
+) = range(ENGINE, ENGINE + 25)
 
 
 @_numba.njit
@@ -127,6 +127,7 @@ def _solve(book: Any, memory: Any, n: int, acceleration: Any) -> None:
         evaluate_loaded_drives(memory, t, accept, command, matrix, bias, factor, acceleration)
         return
     evaluate_drives(memory, t, accept)
+    follow_acceleration(book, n, t, book[STAGE])
     _, _, ddq_ref = motion_reference(book, n)
     torque = floats(book[ARM_TORQUE], n)
     for i in range(n):
@@ -139,8 +140,7 @@ def _solve(book: Any, memory: Any, n: int, acceleration: Any) -> None:
 
 
 @_numba.njit
-def _begin(book: Any) -> None:
-    memory = drive_memory_at(book)
+def _begin(book: Any, memory: Any) -> None:
     n = memory.q.shape[0]
     start = floats(book[START], 4 * n).reshape((4, n))
     total = floats(book[SUM], 4 * n).reshape((4, n))
@@ -157,21 +157,25 @@ def _begin(book: Any) -> None:
 
 
 @_numba.njit
-def _stage(book: Any) -> None:
-    memory = drive_memory_at(book)
-    table = memory.table
+def _found(book: Any, memory: Any) -> None:
+    """Pinocchio's accelerations into the slopes."""
     n = memory.q.shape[0]
     place = integers(book[PLACE], n)
+    found = floats(book[ACCELERATION], n)
+    acceleration = floats(book[SLOPE], 4 * n).reshape((4, n))[1]
+    for i in range(n):
+        acceleration[i] = found[place[i]]
+
+
+@_numba.njit
+def _move(book: Any, memory: Any) -> None:
+    """From the accelerations among the slopes to the state of the next stage, or of the next step."""
+    table = memory.table
+    n = memory.q.shape[0]
     command = floats(book[COMMAND], n)
     start = floats(book[START], 4 * n).reshape((4, n))
     total = floats(book[SUM], 4 * n).reshape((4, n))
     slope = floats(book[SLOPE], 4 * n).reshape((4, n))
-    found = floats(book[ACCELERATION], n)
-    if book[SOLVED] == 1:
-        _solve(book, memory, n, slope[1])
-    else:
-        for i in range(n):
-            slope[1, i] = found[place[i]]
     stage = book[STAGE]
     weight = 2.0 if 0 < stage < 3 else 1.0
     h = floats(book[CLOCK], 2)[1]
@@ -201,27 +205,44 @@ def _stage(book: Any) -> None:
         book[STEPS] += 1
     else:
         book[STAGE] = stage + 1
-    _place(book, memory)
 
 
 @cache
-def stage_functions() -> tuple[Callable[[int], None], Callable[[int], None]]:
+def stage_functions(solved: bool) -> tuple[Callable[[int], None], Callable[[int], None]]:
     """(begin, stage), compiled; both take the address of a book.
 
     `begin` starts an advance: the book's START, CLOCK and COMMAND are set. `stage` is called after Pinocchio has found
-    the accelerations (or mass matrix and bias) of the state it was handed.
+    the accelerations of the state it was handed.
+
+    Args:
+        solved: Pinocchio finds mass matrix and bias instead, and `stage` solves for the accelerations.
     """
     stamp = source_stamp(sys.modules[__name__])
 
     def begin(address: int) -> None:
         if stamp != 0:
-            _begin(integers(address, SIZE))
+            book = integers(address, SIZE)
+            _begin(book, drive_memory_at(book))
 
     def stage(address: int) -> None:
         if stamp != 0:
-            _stage(integers(address, SIZE))
+            book = integers(address, SIZE)
+            memory = drive_memory_at(book)
+            _found(book, memory)
+            _move(book, memory)
+            _place(book, memory)
 
-    made = [_numba.cfunc("void(intp)", cache=True)(function) for function in (begin, stage)]
+    def solved_stage(address: int) -> None:
+        if stamp != 0:
+            book = integers(address, SIZE)
+            memory = drive_memory_at(book)
+            n = memory.q.shape[0]
+            _solve(book, memory, n, floats(book[SLOPE], 4 * n).reshape((4, n))[1])
+            _move(book, memory)
+            _place(book, memory)
+
+    functions = (begin, solved_stage if solved else stage)
+    made = [_numba.cfunc("void(intp)", cache=True)(function) for function in functions]
     # called with Python's lock held: letting it go and taking it back costs more than a stage
     kind = ctypes.PYFUNCTYPE(None, ctypes.c_ssize_t)
     begin_at, stage_at = (kind(function.address) for function in made)

@@ -33,11 +33,13 @@ _intrinsic: Any = import_module("numba.extending").intrinsic
 # places in a book
 JOINTS, TERMS, SLIPS = range(3)
 IMPOSED, PIECES, ORDER, KNOTS, COEFFICIENTS = range(3, 8)
-Q_REF, DQ_REF, DDQ_REF = range(8, 11)
-MEMORY = 11  # the drives' memory, field by field
+Q_REF, DQ_REF, DDQ_REF, Q_ASIDE, DQ_ASIDE = range(8, 13)
+MEMORY = 13  # the drives' memory, field by field
 TABLE = MEMORY + len(DriveMemory._fields) - 1
 ENGINE = TABLE + len(DriveTable._fields)  # the engine's own places begin here
 SIZE = ENGINE + 32
+# two instants closer than this are one [s]
+INSTANT = 1.0e-9
 
 
 class Book:
@@ -62,6 +64,8 @@ class Book:
             self.put(MEMORY + k, array)
         for place, array in ((Q_REF, self.q_ref), (DQ_REF, self.dq_ref), (DDQ_REF, self.ddq_ref)):
             self.put(place, array)
+        for place in (Q_ASIDE, DQ_ASIDE):
+            self.put(place, np.zeros(n))
 
     def put(self, place: int, array: Any) -> None:
         """Write an array's address; it is of float64 or int64, in one piece, and lives as long as the book."""
@@ -212,14 +216,30 @@ def motion_reference(book: Any, n: int) -> Any:
 
 
 @_numba.njit
-def follow_motion(book: Any, n: int, t: float) -> None:
-    """The imposed motion of n joints at time t [s] into the book's q_ref, dq_ref and ddq_ref."""
-    table = MotionTable(
+def _motion_table(book: Any, n: int) -> Any:
+    return MotionTable(
         floats(book[KNOTS], book[PIECES] + 1),
         _carray(_float_pointer(book[COEFFICIENTS]), (book[ORDER], book[PIECES], n)),
     )
+
+
+@_numba.njit
+def follow_motion(book: Any, n: int, t: float) -> None:
+    """The imposed motion of n joints at time t [s] into the book's q_ref, dq_ref and ddq_ref."""
     q_ref, dq_ref, ddq_ref = motion_reference(book, n)
-    _motion(t, table, q_ref, dq_ref, ddq_ref)
+    _motion(t, _motion_table(book, n), q_ref, dq_ref, ddq_ref)
+
+
+@_numba.njit
+def follow_acceleration(book: Any, n: int, t: float, stage: int) -> None:
+    """The imposed acceleration as a stage of a step sees it, into the book's ddq_ref.
+
+    A law's acceleration jumps at its knots. A step that begins there is on the piece after, one that ends there on the
+    piece before: else a Runge-Kutta step would lose its order at every knot.
+    """
+    side = INSTANT if stage == 0 else -INSTANT if stage == 3 else 0.0
+    aside = floats(book[Q_ASIDE], n)
+    _motion(t + side, _motion_table(book, n), aside, floats(book[DQ_ASIDE], n), floats(book[DDQ_REF], n))
 
 
 @_numba.njit
