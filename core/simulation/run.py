@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -86,7 +87,7 @@ def simulate(
         followed = program.motion.shifted(-offsets) if offsets.any() else program.motion
         with _bar(progress, length) as tell:
             if imposed and not any(stage.drive.spring for stage in whole.robot.stages):
-                record = _kinematic(whole.robot, engine, followed, times)
+                record = _kinematic(whole.robot, engine, followed, times, h)
             elif imposed:
                 begin = start or imposed_start(whole.robot, engine, followed)
                 record = _elastic(whole.robot, engine, followed, times, h, begin, tell)
@@ -97,7 +98,7 @@ def simulate(
                 record = _controlled(whole.robot, engine, spread, times, h, begin, tell)
         tool = np.array([engine.tool_in_base(q) for q in record.q])
         record.keep(whole.driven)
-        return _trace(robot, engine_backend, law, rules, times, record, tool, h, length)
+        return _trace(robot, engine_backend, law, rules, times, record, tool, h, length, torque)
     finally:
         engine.close()
 
@@ -171,15 +172,16 @@ def _motor_inertia(robot: Robot, engine: Engine) -> Vector:
     return np.where(dummy, 0.0, engine.motor_inertia())
 
 
-def _kinematic(robot: Robot, engine: Engine, law: MotionLaw, times: Vector) -> _Record:
-    """Rigid joints with imposed motion: nothing to integrate, the drives give what the motion asks."""
+def _kinematic(robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: float) -> _Record:
+    """Rigid joints with imposed motion: nothing to integrate but friction's memory, the drives give what is asked."""
     q, dq, ddq = law.at(times)
     record = _Record(q, dq, q, dq, np.zeros_like(q), np.zeros_like(q))
     rotor = _motor_inertia(robot, engine)
     engine.reset(MachineState(float(times[0]), q[0], dq[0], q[0], dq[0]), law)
     for k, t in enumerate(times):
         if k:
-            engine.advance(float(t - times[k - 1]), 1)
+            span = float(t - times[k - 1])
+            engine.advance(span, _steps(span, h))
         on_arm, _ = engine.drive_torque(q[k], np.zeros(robot.n), q[k], np.zeros(robot.n))
         passed = engine.inverse_dynamics(q[k], dq[k], ddq[k]) - on_arm
         record.tau_link[k] = passed
@@ -203,17 +205,16 @@ def _elastic(
             tell(span)
         state = engine.state()
         record.put(k, state)
-        transmitted = engine.transmitted()
+        transmitted, reaction = engine.transmitted(), engine.reaction()
         if rigid.any():
-            transmitted = np.where(rigid, _passed_by_rigid(engine, state, ddtheta[k], transmitted, rigid), transmitted)
+            passed = _passed_by_rigid(engine, state, ddtheta[k], rigid)
+            transmitted, reaction = np.where(rigid, passed, transmitted), np.where(rigid, passed, reaction)
         record.tau_link[k] = transmitted
-        record.tau[k] = rotor * ddtheta[k] + engine.friction() + transmitted
+        record.tau[k] = rotor * ddtheta[k] + engine.friction() + reaction
     return record
 
 
-def _passed_by_rigid(
-    engine: Engine, state: MachineState, ddtheta: Vector, transmitted: Vector, rigid: NDArray[np.bool_]
-) -> Vector:
+def _passed_by_rigid(engine: Engine, state: MachineState, ddtheta: Vector, rigid: NDArray[np.bool_]) -> Vector:
     """Torque that rigid joints pass to the arms while the others are elastic, shape (n,)."""
     from .imposed import rigid_joint_torques
 
@@ -242,31 +243,31 @@ def _controlled(
     engine.reset(begin, None)
     controller.reset()
     elastic = np.array([stage.drive.spring is not None for stage in robot.stages])
+    rubs = any(stage.drive.terms or stage.drive.slips or stage.drive.damping for stage in robot.stages)
     friction = np.zeros_like(record.q)
-    instants, ticks, switches, records = _timeline(times, controller.tick_times, controller.switch_times)
+    ask_friction, ask_transmitted = rubs and not elastic.all(), bool(elastic.any())
     state = begin
     # a delayed robot starts under the torque that settled it
     controller.tick(0, begin.theta + offsets, begin.dtheta)
     held = controller.held(0)
     engine.hold(held)
-    for j, t in enumerate(instants):
-        if j:
-            span = float(t - instants[j - 1])
-            engine.advance(span, _steps(span, h))
+    for span, steps, tick, switch, k in _timeline(times, controller.tick_times, controller.switch_times, h):
+        if steps:
+            engine.advance(span, steps)
             tell(span)
-        if ticks[j] >= 0 or records[j] >= 0:
-            state = engine.state()
-        if ticks[j] >= 0:
-            controller.tick(int(ticks[j]), state.theta + offsets, state.dtheta)
-        if switches[j] >= 0:
-            held = controller.held(int(switches[j]))
+        state = engine.state()
+        if tick >= 0:
+            controller.tick(tick, state.theta + offsets, state.dtheta)
+        if switch >= 0:
+            held = controller.held(switch)
             engine.hold(held)
-        if records[j] >= 0:
-            k = int(records[j])
+        if k >= 0:
             record.put(k, state)
             record.tau[k] = held
-            record.tau_link[k] = engine.transmitted()
-            friction[k] = engine.friction()
+            if ask_transmitted:
+                record.tau_link[k] = engine.transmitted()
+            if ask_friction:
+                friction[k] = engine.friction()
     record.tau_link = _passed_by_moving(robot, engine, record, friction, elastic)
     return record
 
@@ -291,24 +292,30 @@ def _passed_by_moving(robot: Robot, engine: Engine, record: _Record, friction: V
     return np.where(elastic, record.tau_link, free - rotor * ddq)
 
 
-def _timeline(times: Vector, ticks: Vector, switches: Vector) -> tuple[Vector, Vector, Vector, Vector]:
-    """All instants in order, and for each the number of the tick, switch and record that falls on it, else -1."""
+def _timeline(times: Vector, ticks: Vector, switches: Vector, h: float) -> Iterator[tuple[float, int, int, int, int]]:
+    """All instants of a run in order: (time since the one before, steps, number of the tick, switch and record on it).
+
+    The numbers are -1 where nothing of that kind falls on the instant; the first has no steps.
+    """
     everything = np.concatenate([times, ticks, switches])
     order = np.sort(everything[everything <= times[-1] + INSTANT])
     instants = order[np.concatenate([[True], np.diff(order) > INSTANT])]
+    spans = np.diff(instants, prepend=instants[0])
 
-    def numbers(of: Vector) -> Vector:
+    def numbers(of: Vector) -> list[int]:
         at = np.searchsorted(of, instants - INSTANT)
         found = at < len(of)
         near = np.zeros(len(instants), dtype=bool)
         near[found] = np.abs(of[at[found]] - instants[found]) <= INSTANT
-        return np.where(near, at, -1)
+        return np.where(near, at, -1).tolist()
 
-    return instants, numbers(ticks), numbers(switches), numbers(times)
+    steps = np.maximum(1, np.ceil(spans / h - 1.0e-6)).astype(int)
+    steps[0] = 0
+    return zip(spans.tolist(), steps.tolist(), numbers(ticks), numbers(switches), numbers(times), strict=True)
 
 
 def _steps(span: float, h: float) -> int:
-    return max(1, int(np.ceil(span / h - 1.0e-6)))
+    return max(1, math.ceil(span / h - 1.0e-6))
 
 
 def _trace(
@@ -321,6 +328,7 @@ def _trace(
     tool: Vector,
     h: float,
     duration: float,
+    asked: Vector | None,
 ) -> Trace:
     q_cmd, dq_cmd, ddq_cmd = law.at(times)
     position = np.array([stage.sensor.position_offset for stage in robot.stages])
@@ -340,8 +348,8 @@ def _trace(
         "tau": record.tau + torque,
         "tau_link": record.tau_link,
     }
-    if control.mode == "torque":
-        joints["tau_cmd"] = record.tau
+    if asked is not None:
+        joints["tau_cmd"] = asked[np.floor(times * control.rate + INSTANT * control.rate).astype(np.int64)]
         for command in ("q_cmd", "dq_cmd", "ddq_cmd"):
             del joints[command]
     facts: dict[str, Any] = {
