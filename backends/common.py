@@ -1,93 +1,36 @@
-"""What the backends share: the list of a robot's data for concept reports, and the sheet beside an emitted model."""
+"""What the backends share: heads of files, common refusals, and the sheet beside an emitted model."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.representation import Robot, Stage, VeitscheggerWu
-from ..core.simulation.backend import Concept, Emission, Program, Status
+from ..core.representation import Robot
+from ..core.simulation.backend import Emission, Program
+from ..core.simulation.concepts import Answer, Fate, concepts_of, joint_data
 from ..core.simulation.drive_sheet import DriveSheet
+
+# the list of a robot's data stands in the core, and is at hand here for those who write backends
+__all__ = [
+    "SHEET_SUFFIX",
+    "UNLIMITED",
+    "Answer",
+    "Fate",
+    "Sheet",
+    "concepts_of",
+    "header_lines",
+    "joint_data",
+    "sheet_name",
+    "sheet_of",
+    "sheet_text",
+    "weightless_motor",
+]
 
 SHEET_SUFFIX = ".drives.json"
 # What formats write that ask for a number where the robot has no limit
 UNLIMITED = 1.0e9
-
-Fate = tuple[Status, str]
-Answer = Callable[[str, int], Fate]
-"""answer(datum, i) -> (status, how); i is the stage, from 0, and -1 for the robot or its base."""
-
-
-def joint_data(stage: Stage) -> Iterator[str]:
-    """Names of the data that one joint, with its drive and sensor, has beyond the defaults."""
-    joint, drive, sensor = stage.joint, stage.drive, stage.sensor
-    present = {
-        "joint.type": True,
-        "limits.position": not (math.isinf(joint.lower) and math.isinf(joint.upper)),
-        "limits.velocity": not math.isinf(joint.velocity),
-        "limits.effort": not math.isinf(joint.effort),
-        "home": True,
-        "rotor_inertia.inertia": drive.inertia != 0.0 and not drive.dummy,
-        "dummy_inertia": drive.inertia != 0.0 and drive.dummy,
-        "joint_compliance.stiffness": drive.spring is not None,
-        "joint_compliance.damping": drive.spring is not None and drive.spring.damping != 0.0,
-        "backlash.gap": drive.spring is not None and drive.spring.gap != 0.0,
-        "viscous_friction.coefficient": drive.damping != 0.0,
-        **{term.effect: True for term in sorted(drive.terms, key=lambda term: term.effect)},
-        "friction.model": any(term.kind == "level" for term in drive.terms),
-        "hysteresis": bool(drive.slips),
-        "joint_spring": bool(drive.arm_springs),
-        "torque_constant.gain": drive.gain != 1.0,
-        "torque_limit.torque": not math.isinf(drive.torque_limit),
-        "encoder_offset.offset": sensor.position_offset != 0.0,
-        "torque_offset.torque": sensor.torque_offset != 0.0,
-    }
-    return (datum for datum, is_there in present.items() if is_there)
-
-
-def concepts_of(robot: Robot, answer: Answer) -> tuple[Concept, ...]:
-    """Concept report of a robot: every datum that it has, in a fixed order; alike joints are one line.
-
-    Args:
-        robot: The robot.
-        answer: What becomes of a datum at a place in the format.
-    """
-    lines: list[Concept] = []
-
-    def say(datum: str, at: str, i: int) -> None:
-        status, how = answer(datum, i)
-        lines.append(Concept(datum, at, status, how))
-
-    def say_many(datum: str, places: list[tuple[str, int]], everywhere: str) -> None:
-        fates = {answer(datum, i) for _, i in places}
-        if len(places) == robot.n and len(fates) == 1:
-            say(datum, everywhere, places[0][1])
-        else:
-            for at, i in places:
-                say(datum, at, i)
-
-    for datum in ("gravity", "base"):
-        say(datum, "robot", -1)
-    arms = [(stage.arm.name, i) for i, stage in enumerate(robot.stages)]
-    say_many("kinematics", arms, "all arms")
-    if robot.base_correction != VeitscheggerWu():
-        say("corrections", "base", -1)
-    say_many("corrections", [arms[i] for i, s in enumerate(robot.stages) if s.arm.correction != VeitscheggerWu()], "")
-    say_many("inertia", arms, "all arms")
-    say_many("shapes", [arms[i] for i, stage in enumerate(robot.stages) if stage.arm.shapes], "all arms")
-    say("tool", "robot", -1)
-    data = [list(joint_data(stage)) for stage in robot.stages]
-    for datum in dict.fromkeys(datum for row in data for datum in row):
-        places = [(robot.stages[i].joint.name, i) for i, row in enumerate(data) if datum in row]
-        say_many(datum, places, "all joints")
-    if robot.delay:
-        say("delay", "robot", -1)
-    if any(factor != 1.0 for factor in (*robot.kp_factor, *robot.kd_factor)):
-        say("controller_gain", "robot", -1)
-    return tuple(lines)
 
 
 def weightless_motor(robot: Robot, program: Program | None) -> str | None:
