@@ -87,8 +87,12 @@ class DrivenEngine(Engine):
         """
         self._evaluated = False
         if self._kinematic:
-            self._t += duration
-            if self.drives.remembers:
+            if not self.drives.remembers:
+                self._t += duration
+                return
+            begin = self._t
+            for k in range(steps):
+                self._t = begin + (k + 1) * duration / steps
                 self._evaluate(accept=True)
             return
         self._integrate(duration, steps)
@@ -119,6 +123,12 @@ class DrivenEngine(Engine):
         if not self._evaluated:
             self._evaluate()
         return self.drives.transmitted.copy()
+
+    def reaction(self) -> Vector:
+        """As the contract says."""
+        if not self._evaluated:
+            self._evaluate()
+        return self.drives.reaction.copy()
 
     def _evaluate(self, *, accept: bool = False) -> None:
         """The drives' torques at the state that is."""

@@ -32,13 +32,23 @@ from .representation import (
 
 # an arm shorter than this has no direction to bend across [m]
 SHORTEST_BEND = 1.0e-6
-_DIRECTIONS: tuple[tuple[str, JointKind, int], ...] = (
-    ("x", "prismatic", 0),
-    ("y", "prismatic", 1),
-    ("z", "prismatic", 2),
-    ("rx", "revolute", 0),
-    ("ry", "revolute", 1),
-)
+# the directions of a mount: all six but the drive's own, in the catalogue's order
+_DIRECTIONS: dict[JointKind, tuple[tuple[str, JointKind, int], ...]] = {
+    "revolute": (
+        ("x", "prismatic", 0),
+        ("y", "prismatic", 1),
+        ("z", "prismatic", 2),
+        ("rx", "revolute", 0),
+        ("ry", "revolute", 1),
+    ),
+    "prismatic": (
+        ("x", "prismatic", 0),
+        ("y", "prismatic", 1),
+        ("rx", "revolute", 0),
+        ("ry", "revolute", 1),
+        ("rz", "revolute", 2),
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,15 +106,17 @@ def _expanded_stage(robot: Robot, i: int, placed: Pose, imposed: bool) -> tuple[
     frames = [Pose()]  # of each joint in the driven joint's moving frame
     bodies: list[Inertia] = []
     if stage.mount:
-        for (name, kind, axis), k, b in zip(_DIRECTIONS, stage.mount.stiffness, stage.mount.damping, strict=True):
+        directions = _DIRECTIONS[stage.joint.kind]
+        for (name, kind, axis), k, b in zip(directions, stage.mount.stiffness, stage.mount.damping, strict=True):
             if math.isfinite(k):
                 bodies.append(Inertia())
                 _add(joints, frames, f"{stage.joint.name}_{name}", kind, _along(np.eye(3)[axis]), (k, b), imposed)
     inertia = stage.arm.inertia
     if stage.bend:
         point, axes = _bending_axes(robot, i)
-        bodies.append(_share(inertia, stage.bend.at))
-        inertia = _share(inertia, 1.0 - stage.bend.at)
+        own = _without(inertia, stage.bend.carried)
+        bodies.append(_share(own, stage.bend.at))
+        inertia = _share(own, 1.0 - stage.bend.at) + stage.bend.carried
         for number, (name, axis) in enumerate(zip("uv", axes, strict=True)):
             k, b = stage.bend.stiffness[number], stage.bend.damping[number]
             frame = arm_in_joint @ _along(axis, point)
@@ -175,6 +187,19 @@ def _bending_axes(robot: Robot, i: int) -> tuple[NDArray[np.float64], tuple[NDAr
         u = np.cross(x, e)
     u /= np.linalg.norm(u)
     return (1.0 - stage.bend.at) * start, (u, np.cross(e, u))
+
+
+def _without(whole: Inertia, part: Inertia) -> Inertia:
+    """A body less a part of it."""
+    if part == Inertia():
+        return whole
+    if part == whole:
+        return Inertia()
+    return Inertia.from_origin(
+        whole.mass - part.mass,
+        whole.first_moments() - part.first_moments(),
+        whole.tensor_about_origin() - part.tensor_about_origin(),
+    )
 
 
 def _share(inertia: Inertia, fraction: float) -> Inertia:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..representation import Inertia, Robot
+from ..representation import Inertia, Robot, Stage
 from .effect import Column, Effect, EffectRow, with_stage
 
 COLUMNS = (
@@ -16,10 +16,14 @@ COLUMNS = (
 
 
 class Payload(Effect):
-    """A body in the last arm's frame; it adds to that arm's mass properties, which is the same motion exactly."""
+    """A body in the last arm's frame; it adds to that arm's mass properties, which is the same motion exactly.
+
+    Where that arm bends, it stands whole behind the bend, where the frame is.
+    """
 
     name = "payload"
     key = "robot"
+    after = ("link_flexibility",)
     columns = COLUMNS
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
@@ -31,9 +35,10 @@ class Payload(Effect):
                 (v["x"], v["y"], v["z"]),
                 *(v[name] for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")),
             )
-            robot = with_stage(
-                robot,
-                robot.n,
-                lambda stage, body=body: replace(stage, arm=replace(stage.arm, inertia=stage.arm.inertia + body)),
-            )
+
+            def change(stage: Stage, body: Inertia = body) -> Stage:
+                bend = stage.bend and replace(stage.bend, carried=stage.bend.carried + body)
+                return replace(stage, arm=replace(stage.arm, inertia=stage.arm.inertia + body), bend=bend)
+
+            robot = with_stage(robot, robot.n, change)
         return robot

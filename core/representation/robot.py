@@ -91,10 +91,11 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """A six-component spring-damper at a joint's real place, on the arm's side of the drive.
+    """What a joint's bearing gives beside the drive's own direction, at its real place, on the arm's side of the drive.
 
     Attributes:
-        stiffness: Along x y z [N/m] and about x y [N m/rad] of the frame that turns with the joint; inf is rigid.
+        stiffness: In the frame that moves with the joint; inf is rigid. At a revolute joint along x y z [N/m] and
+            about x y [N m/rad]; at a prismatic one along x y and about x y z.
         damping: The same [N s/m and N m s/rad].
     """
 
@@ -110,11 +111,13 @@ class Bend:
         stiffness: About u and v [N m/rad].
         damping: About u and v [N m s/rad].
         at: Where, as a fraction of the line from the previous arm's frame to this one; the mass is split so too.
+        carried: What of the arm's inertia is fixed to its frame and stands whole behind the bend: payloads.
     """
 
     stiffness: tuple[float, float]
     damping: tuple[float, float]
     at: float = 0.5
+    carried: Inertia = Inertia()
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,6 +163,10 @@ class Engine(ABC):
     def transmitted(self) -> Vector:
         """Torque T that elastic joints pass to the arms now, shape (n,); 0 at rigid joints."""
 
+    def reaction(self) -> Vector:
+        """What T is on the motor sides: (1 + de/dtheta) T where a gear's transmission error is e, shape (n,)."""
+        return self.transmitted()
+
     def close(self) -> None:
         """Give back what the engine holds."""
         return
