@@ -239,6 +239,7 @@ def test_imposed_motion_does_not_feel_the_motor(random_robot, loaded, soft):
         theta, dtheta, _ = law.at(0.0)
         engine.reset(MachineState(0.0, theta, dtheta, theta, dtheta), law)
         engine.advance(0.2, 400)
+        assert engine._data.warning[mujoco.mjtWarning.mjWARN_INERTIA].number == 0
         ends.append(engine.state().q)
     assert np.allclose(ends[0], ends[1], rtol=0.0, atol=1e-12)
     assert np.allclose(ends[0], ends[2], rtol=0.0, atol=1e-12)
@@ -318,6 +319,38 @@ def test_drive_torques_are_what_mujoco_applies(random_robot, program, soft):
             assert on_motor[i] == pytest.approx(motor - arm, rel=1e-10)
         else:
             assert on_arm[i] + on_motor[i] == pytest.approx(arm, rel=1e-12)
+
+
+@pytest.mark.parametrize("elastic", [False, True])
+@pytest.mark.parametrize("rest", [-1.0, -0.3, 0.0, 0.7])
+def test_springs_on_arms_rest_where_they_are_said_to(random_robot, loaded, still, soft, elastic, rest):
+    """A spring length of -1 means "automatic" to MuJoCo."""
+    springs = (ArmSpring(20.0, rest - 0.1), ArmSpring(20.0, rest + 0.1))
+    drive = soft(0, arm_springs=springs) if elastic else Drive(inertia=1.0, arm_springs=springs)
+    robot = replace(random_robot(1, 1, lambda i: drive, revolute_only=True), gravity=(0.0, 0.0, 0.0))
+    engine = loaded(robot, Control("torque"))
+    zero = np.zeros(1)
+    assert engine.drive_torque(zero, zero, zero, zero)[0] == pytest.approx([40.0 * rest], abs=1e-12)
+    engine.reset(still([rest]), None)
+    engine.advance(0.1, 100)
+    assert engine.state().q == pytest.approx([rest], abs=1e-12)
+
+
+def test_asking_for_torques_does_not_disturb_a_run(random_robot, loaded, still):
+    drive = Drive(inertia=1.0, terms=(coulomb(2.0),), stick=Stick(1e-3, 1e-3), slips=(Slip(800.0, 1.0),))
+    robot = random_robot(2, 3, lambda i: drive)
+    ends = []
+    for asked in (False, True):
+        engine = loaded(robot, Control("torque"))
+        engine.reset(still([0.1, 0.2, 0.3]), None)
+        for _ in range(50):
+            engine.advance(1e-3, 2)
+            if asked:
+                far = np.full(3, 5.0)
+                _, on_motor = engine.drive_torque(far, np.zeros(3), far, np.zeros(3))
+                assert np.array_equal(on_motor, np.zeros(3))
+        ends.append(engine.state().q)
+    assert np.array_equal(*ends)
 
 
 def test_numbers_of_the_drives_are_the_files(random_robot, program, soft):
