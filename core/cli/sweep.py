@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -73,7 +74,7 @@ def command(
 ) -> None:
     """Run many variants of a robot, and find what the tip's error owes to which parameter.
 
-    A study that was stopped goes on where it was: give the same command again.
+    A study that was stopped goes on where it was: give the same command again. Exit status 1: no variant ran.
     """
     from ..control import read_control
     from ..errors import UsageError
@@ -109,6 +110,8 @@ def command(
         print_json({"output": str(output), **summary})
     else:
         _tell(output, summary)
+    if summary["failed"] == summary["variants"]:
+        sys.exit(1)
 
 
 def _tell(output: Path, summary: dict[str, Any]) -> None:
