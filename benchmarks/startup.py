@@ -1,6 +1,6 @@
-"""How long the commands that people wait for take, as whole processes: median of several, after one that is not counted.
+"""How long the commands that people wait for take, as whole processes: median of several after a warm-up.
 
-    python benchmarks/startup.py
+python benchmarks/startup.py
 """
 
 from __future__ import annotations
@@ -38,9 +38,7 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 times.append(seconds(arguments, Path(folder)))
         counted = times[1:]
-        print(
-            f"{name:<32} {statistics.median(counted):>10.3f} {min(counted):>8.3f} {max(counted):>8.3f} {goal:>6.1f}"
-        )
+        print(f"{name:<32} {statistics.median(counted):>10.3f} {min(counted):>8.3f} {max(counted):>8.3f} {goal:>6.1f}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ not count; its record (positions, speeds, torques, tip, 1 kHz) does. Loops and r
 
 from __future__ import annotations
 
-import json
 import statistics
 import sys
 import tempfile
@@ -17,7 +16,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
@@ -150,7 +148,9 @@ def pybullet_loop(files: dict[str, str], case: str, motion: MotionLaw, control: 
         body, joints, pybullet.VELOCITY_CONTROL, forces=[0.0] * n, physicsClientId=client
     )
     for link in range(-1, count):
-        pybullet.changeDynamics(body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client)
+        pybullet.changeDynamics(
+            body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0, physicsClientId=client
+        )
     rotors, k_spring, b_spring = np.array(ROTORS), np.array(STIFFNESS), np.array(DAMPING)
 
     def apply(torque: np.ndarray) -> None:
@@ -188,13 +188,32 @@ def pybullet_loop(files: dict[str, str], case: str, motion: MotionLaw, control: 
 
 
 def exudyn_loop(files: dict[str, str], case: str, motion: MotionLaw, control: Control) -> Callable[[int], None]:
-    """The emitted script's own model, stepped by its solver; friction by a NumPy user function."""
-    module = ModuleType("hand_written")
-    exec(compile(files[next(name for name in files if name.endswith(".py"))], "arm", "exec"), module.__dict__)
-    raise LookupError("filled below")
+    """The emitted script's model, stepped by its solver tick by tick; friction by a NumPy user function."""
+    script: dict[str, object] = {"__name__": "arm"}
+    exec(next(text for name, text in files.items() if name.endswith(".py")), script)
+    command = np.zeros(len(ROTORS))
+
+    def rubbing(mbs: object, t: float, item: int, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return command - LEVEL * np.tanh(np.asarray(v) / SMOOTH)
+
+    model = script["build"]("free", rubbing if case == "friction" else None)  # type: ignore[operator]
+    motor = model.motor
+
+    def loop(ticks: int) -> None:
+        feed, kp, kd = reference(motion, control, ticks)
+        script["place"](model, 0.0, np.zeros(len(model.x)), np.zeros(len(model.x)))  # type: ignore[operator]
+        for k in range(ticks):
+            tau = feed[k] - kp * model.x[motor] - kd * model.v[motor]
+            if case == "friction":
+                command[:] = tau
+            else:
+                script["hold"](model, tau)  # type: ignore[operator]
+            script["advance"](model, k * PERIOD, PERIOD, SUBSTEPS)  # type: ignore[operator]
+
+    return loop
 
 
-LOOPS = {"mjcf": mujoco_loop, "urdf": pinocchio_loop, "pybullet": pybullet_loop}
+LOOPS = {"exudyn": exudyn_loop, "mjcf": mujoco_loop, "pybullet": pybullet_loop, "urdf": pinocchio_loop}
 
 
 def timed(action: Callable[[], object]) -> float:
