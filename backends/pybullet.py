@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from importlib.metadata import version as version_of
 from typing import TYPE_CHECKING, ClassVar, Literal
 
+import numpy as np
+
 from ..core.rendering import render
 from ..core.representation import Robot
 from ..core.simulation.backend import Backend, Emission, Program
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
     from .pybullet_engine import PybulletEngine
 
 INTEGRATOR = "semi-implicit Euler, torques of the step's start"
+# products of inertia about the joint from which rounding may break the symmetry by 1.1e-15 [kg m^2]
+HEAVY = 2.0
+# how near, relative, a body may come to the end of the triangle before rounding takes it there
+FLAT = 1.0e-13
 _IN_LAW = "DRIVES, the drives' equations at every step's start"
 _IN_CONTROLLER = "CONTROL, in the script's controller"
 _EXACT: Mapping[str, str] = {
@@ -25,7 +31,7 @@ _EXACT: Mapping[str, str] = {
     "base": "fixed joint world_to_base of the URDF",
     "kinematics": "origins of the URDF's joints",
     "corrections": "in the origins of the URDF's joints: they stand at their real places",
-    "inertia": "inertials of the URDF, turned to the principal axes",
+    "inertia": "inertials of the URDF, turned to the principal axes; of heavy and flat arms on a link of their own",
     "shapes": "visuals of the URDF",
     "tool": "link tool of the URDF, without mass",
     "joint.type": "type in the URDF, axis z",
@@ -88,7 +94,7 @@ class PybulletBackend(Backend):
             home=literal([stage.joint.home for stage in robot.stages]),
             **script_values(robot, program),
         )
-        files = {main: script, model: urdf_text(robot, principal_axes=True)}
+        files = {main: script, model: urdf_text(robot, principal_axes=True, hung=_hung(robot))}
         return Emission(self.name, main, files, concepts_of(robot, _fate))
 
     def load(self, emission: Emission) -> PybulletEngine:
@@ -100,6 +106,24 @@ class PybulletBackend(Backend):
 
 def _fate(datum: str, i: int) -> Fate:
     return "exact", _EXACT.get(datum, "its law's text; " + _IN_LAW)
+
+
+def _hung(robot: Robot) -> tuple[int, ...]:
+    """Arms whose body must be a link of its own, fixed at its center of mass, for PyBullet's mass matrix.
+
+    It moves each body's tensor to the joint, and refuses what then is not symmetric to 1.1e-15 kg m^2 or breaks the
+    triangle: rounding does that to heavy bodies and to flat ones. A body at its own center is not moved.
+    """
+    stages: list[int] = []
+    for i in range(robot.n):
+        body = robot.inertia_in_joint(i)
+        (a, b, c), pose = body.principal()
+        x, y, z = np.abs(pose.rotation_matrix().T @ np.array(body.com))
+        heavy = body.mass * max(x * y, y * z, z * x) > HEAVY
+        flat = body.mass > 0.0 and a + b - c <= FLAT * (c + body.mass * float(x * x + y * y + z * z))
+        if heavy or flat:
+            stages.append(i)
+    return tuple(stages)
 
 
 def _zeroed_inertia(robot: Robot) -> str | None:

@@ -57,8 +57,10 @@ class PybulletEngine(DrivenEngine):
             with quiet():
                 try:
                     self._model = self._script["build"]()
-                except self._bullet.error as error:
-                    raise RefusedError(f"PyBullet cannot load {self._script['URDF']}: {error}") from error
+                    self._script["mass_matrix"](self._model, [0.0] * len(self._model.joints))
+                except (self._bullet.error, SystemError) as error:
+                    self.close()
+                    raise RefusedError(f"PyBullet cannot take {self._script['URDF']}: {error}") from error
         super().__init__(DriveSheet.from_data(self._script["DRIVES"]))
         self._drive_step = DriveStep(self.drives)
         self.command = self._drive_step.command
@@ -128,7 +130,8 @@ class PybulletEngine(DrivenEngine):
         self._check_finite(duration)
 
     def _check_finite(self, duration: float) -> None:
-        if not np.isfinite(self._drive_step.q).all():
+        # PyBullet goes on at its limit of speed where a motion has exploded
+        if not np.max(np.abs(self._drive_step.dq)) < self._script["UNLIMITED"]:
             raise self._not_finite(self._t + duration)
 
     def _integrated(self) -> MachineState:

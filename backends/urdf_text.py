@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from ..core.build import level_at_rest
@@ -10,11 +11,12 @@ from ..core.rendering import render
 from ..core.representation import Inertia, Joint, Pose, Robot, Stage, Vector3
 from .common import UNLIMITED, header_lines
 
+BODY_SUFFIX = "_body"
 # how far rounding may break the triangle of a flat body's moments, relative
 FLAT = 1.0e-9
 
 
-def urdf_text(robot: Robot, *, principal_axes: bool = False, frames: bool = True) -> str:
+def urdf_text(robot: Robot, *, principal_axes: bool = False, frames: bool = True, hung: Collection[int] = ()) -> str:
     """A robot as URDF.
 
     The frame of link arm_i is joint i's moving frame, z along its axis; the joint's position is q_i.
@@ -25,6 +27,7 @@ def urdf_text(robot: Robot, *, principal_axes: bool = False, frames: bool = True
             them or lose digits); else they are parallel to the link's frame, rpy = 0.
         frames: Add the links world (root), base (fixed to it at the base's pose) and tool, without mass; else base is
             the root, and whoever loads the file places it.
+        hung: Stages (from 0) whose body hangs on a link without mass, as a link of its own at its principal axes.
     """
     stages = robot.stages
     links: list[dict[str, Any]] = [_frame("world"), _frame("base")] if frames else [_frame("base")]
@@ -35,6 +38,12 @@ def urdf_text(robot: Robot, *, principal_axes: bool = False, frames: bool = True
         links.append(_link(robot, i, principal_axes, materials))
         joints.append(_joint(stage, parent, robot.joint_in_previous(i)))
         parent = stage.arm.name
+        if i in hung:
+            body, name = links[-1]["body"], parent + BODY_SUFFIX
+            links[-1]["body"] = _body(Inertia(), Pose())
+            links.append({"name": name, "body": {**body, **_origin(Pose())}, "shapes": []})
+            place = {key: body[key] for key in ("xyz", "rpy")}
+            joints.append({"name": f"{parent}_to_body", "type": "fixed", "parent": parent, "child": name, **place})
     if frames:
         links.append(_frame("tool"))
         joints.append(_fixed("arm_to_tool", parent, "tool", robot.tool_in_last_joint()))
