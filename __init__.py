@@ -15,26 +15,92 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .backends.driven import DrivenEngine
     from .core.agreement import agree
     from .core.build import build
-    from .core.database import load
-    from .core.effects import Effect
+    from .core.control import Control
+    from .core.database import Database, load
+    from .core.effects import Column, Effect, EffectRow, Law, with_drive, with_stage
+    from .core.errors import InputError, MbexportError, PluginError, RefusedError, UsageError
     from .core.export import export
     from .core.importing import import_model
-    from .core.simulation import Backend, simulate
+    from .core.motion import MotionLaw
+    from .core.representation import Robot
+    from .core.simulation import Backend, Concept, Emission, Engine, MachineState, Program, Trace, simulate
+    from .core.simulation.concepts import concepts_of
+    from .core.simulation.drive_sheet import DriveSheet
+    from .core.simulation.drives import Drives
 
+# where each name stands; the first lines are for users, the others for those who write backends and effects
 _HOMES = {
-    "Backend": "core.simulation",
-    "Effect": "core.effects",
     "agree": "core.agreement",
     "build": "core.build",
     "export": "core.export",
     "import_model": "core.importing",
     "load": "core.database",
     "simulate": "core.simulation",
+    "Backend": "core.simulation",
+    "Column": "core.effects",
+    "Concept": "core.simulation",
+    "Control": "core.control",
+    "Database": "core.database",
+    "DriveSheet": "core.simulation.drive_sheet",
+    "DrivenEngine": "backends.driven",
+    "Drives": "core.simulation.drives",
+    "Effect": "core.effects",
+    "EffectRow": "core.effects",
+    "Emission": "core.simulation",
+    "Engine": "core.simulation",
+    "InputError": "core.errors",
+    "Law": "core.effects",
+    "MachineState": "core.simulation",
+    "MbexportError": "core.errors",
+    "MotionLaw": "core.motion",
+    "PluginError": "core.errors",
+    "Program": "core.simulation",
+    "RefusedError": "core.errors",
+    "Robot": "core.representation",
+    "Trace": "core.simulation",
+    "UsageError": "core.errors",
+    "concepts_of": "core.simulation.concepts",
+    "with_drive": "core.effects",
+    "with_stage": "core.effects",
 }
 
-__all__ = ["Backend", "Effect", "agree", "build", "export", "import_model", "load", "simulate"]
+__all__ = [
+    "Backend",
+    "Column",
+    "Concept",
+    "Control",
+    "Database",
+    "DriveSheet",
+    "DrivenEngine",
+    "Drives",
+    "Effect",
+    "EffectRow",
+    "Emission",
+    "Engine",
+    "InputError",
+    "Law",
+    "MachineState",
+    "MbexportError",
+    "MotionLaw",
+    "PluginError",
+    "Program",
+    "RefusedError",
+    "Robot",
+    "Trace",
+    "UsageError",
+    "agree",
+    "build",
+    "concepts_of",
+    "export",
+    "import_model",
+    "load",
+    "simulate",
+    "with_drive",
+    "with_stage",
+]
 
 
 def __getattr__(name: str) -> Any:
