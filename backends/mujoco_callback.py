@@ -12,7 +12,7 @@ import threading
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -233,37 +233,49 @@ def _compiled(way: Way) -> Any:
     return _numba.cfunc("void(intp, intp)", cache=True)(function)
 
 
-def step_with_drives(model: Any, data: Any, steps: int, address: int, way: Way) -> None:
+class Callback(NamedTuple):
+    """A compiled callback.
+
+    Attributes:
+        address: Of its code.
+        slot: MuJoCo's variable mjcb_control. Setting it through the Python binding costs as much as two steps' laws.
+    """
+
+    address: int
+    slot: ctypes.c_void_p
+
+
+@cache
+def callback(way: Way) -> Callback:
+    """The callback for motor sides that are moved by torque, by torque with friction under load, or by a motion.
+
+    Raises:
+        RefusedError: MuJoCo is not installed as its Python package brings it.
+    """
+    folder = Path(str(_mujoco.__file__)).parent
+    library = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
+    if not library:
+        raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
+    slot = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")
+    return Callback(int(_compiled(way).address), slot)
+
+
+def step_with_drives(model: Any, data: Any, steps: int, book: int, drives: Callback) -> None:
     """Step a model of one of our engines that many times, the callback set.
 
     Args:
         model: mjModel.
         data: Its mjData.
         steps: How many.
-        address: Of the engine's book.
-        way: How the motor sides are moved: by torque, by torque where friction depends on load, or by a motion.
+        book: Address of the engine's book.
+        drives: The callback.
     """
-    callback, slot = _callback_address(way), _callback_slot()
+    address, slot = drives
     with _LOCK:
         before = slot.value
-        _CURRENT[0] = address
-        slot.value = callback
+        _CURRENT[0] = book
+        slot.value = address
         try:
             _step(model, data, steps)
         finally:
             slot.value = before
-
-
-@cache
-def _callback_address(way: Way) -> int:
-    return int(_compiled(way).address)
-
-
-@cache
-def _callback_slot() -> ctypes.c_void_p:
-    """MuJoCo's variable mjcb_control; setting it through the Python binding costs as much as two steps' laws."""
-    folder = Path(str(_mujoco.__file__)).parent
-    library = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
-    if not library:
-        raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
-    return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")

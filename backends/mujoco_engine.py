@@ -77,6 +77,7 @@ class MujocoEngine(DrivenEngine):
         self._clock = np.zeros(2)
         self._book = self._written_book(rows)
         self._called = self._mixed = False
+        self._callback: Any = None
         self._step = 0.0
         self._statics = copy.copy(model)
         self._statics.dof_armature[:] = 0.0
@@ -164,7 +165,8 @@ class MujocoEngine(DrivenEngine):
 
     def hold(self, torque: Vector) -> None:
         """As the contract says."""
-        super().hold(torque)
+        self._evaluated = False
+        self.command[:] = torque
         if not self._all_driven:
             self._data.ctrl[:] = self.command[self._driven]
 
@@ -192,7 +194,9 @@ class MujocoEngine(DrivenEngine):
         self._book.impose(motion)
         self._mixed = motion is not None and not self.elastic.all()
         self._book.entries[at.MIXED] = self._mixed
-        self._way: at.Way = "motion" if motion is not None else "load" if self.drives.needs_load else "torque"
+        if self._called:
+            way = "motion" if motion is not None else "load" if self.drives.needs_load else "torque"
+            self._callback = at.callback(way)
 
     def _put(self, state: MachineState) -> None:
         data = self._data
@@ -212,7 +216,7 @@ class MujocoEngine(DrivenEngine):
             self._book.entries[at.CALLS] = 0
             self._clock[0] = self._t
             self._clock[1] = step
-            at.step_with_drives(self._model, self._data, steps, self._book.address, self._way)
+            at.step_with_drives(self._model, self._data, steps, self._book.address, self._callback)
         else:
             _step(self._model, self._data, steps)
         # what is no number spreads to all coordinates of a chain within a step
