@@ -17,6 +17,8 @@ from pathlib import Path
 import click
 
 from mbexport.core.agreement.gates import GATES
+from mbexport.core.agreement.quantities import STATICS
+from mbexport.core.agreement.scenarios import SCENARIOS
 from mbexport.core.build import build
 from mbexport.core.cli import VERBS, program
 from mbexport.core.database import FrozenMap, load
@@ -161,7 +163,7 @@ _MEANING = {
 def verbs() -> str:
     """Every verb with its options, as the program itself has them."""
     parts: list[str] = []
-    with click.Context(program, info_name="mbexport") as context:
+    with click.Context(program, info_name="mbexport", **program.context_settings) as context:
         for name in VERBS:
             command = program.get_command(context, name)
             if command is None:
@@ -245,6 +247,11 @@ STATUS = {"exact": "exact", "approximated": "*approximated*", "impossible": "**n
 
 def sample(column: Column) -> float:
     """A value that says something, within the column's bounds."""
+    # a body stays a body with these
+    if column.name in {"Ixy", "Ixz", "Iyz", "mx", "my", "mz"}:
+        return 0.0
+    if "N*m" in column.unit or "N/m" in column.unit:
+        return 10.0 if "*s" in column.unit else 1.0e5
     default = column.default
     if default is not None and math.isfinite(default) and default not in {0.0, 1.0}:
         return default
@@ -302,6 +309,7 @@ def _what_changed(bare: Robot, robot: Robot) -> list[str]:
         "base": bare.base != robot.base,
         "kinematics": any(a.arm.link != b.arm.link for a, b in stages),
         "inertia": any(a.arm.inertia != b.arm.inertia for a, b in stages),
+        "further joints": any((a.mount, a.bend) != (b.mount, b.bend) for a, b in stages),
     }
     return [name for name, is_so in differs.items() if is_so]
 
@@ -334,12 +342,18 @@ def concept_map() -> str:
     return "\n" + "\n".join(parts) + "\n"
 
 
+def quantities() -> str:
+    """Names that `--only` knows."""
+    return "\n" + ", ".join(f"`{name}`" for name in (*STATICS, *SCENARIOS, "convergence")) + ".\n\n"
+
+
 REGIONS: dict[str, Callable[[], str]] = {
     "tables": tables,
     "effects": effects,
     "verbs": verbs,
     "backends": backends,
     "gates": gates,
+    "quantities": quantities,
     "concepts": concept_map,
 }
 

@@ -106,6 +106,15 @@ def test_every_part_of_core_has_a_level():
     assert parts <= set(LEVEL), "give the new part a level here and a line in docs/architecture.md"
 
 
+def test_the_page_names_every_part():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    parts = {
+        path.name for path in (ROOT / "core").iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()
+    }
+    for part in parts - {"__init__.py"}:
+        assert f"`core/{part}`" in page or f"`core/{part}/`" in page, part
+
+
 @pytest.mark.parametrize("path", modules("core"), ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_core_imports_downwards(path):
     assert wrong_imports(path) == []

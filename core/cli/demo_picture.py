@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..simulation import Trace
+from ..simulation import Trace, backend_named
 from ..simulation.backend import Vector
 
 Runs = Mapping[str, Mapping[str, Trace]]
@@ -25,8 +25,9 @@ NAMES = {
 WIDTHS = (7.0, 4.6, 2.6, 1.0)
 FADE = (0.18, 0.3, 0.5, 1.0)
 DPI = 110
-# half of the zoom's side [m], around the corner
-ZOOM = 0.008
+# what is shown of the corner: from where to where to the right of it and above it [m]
+RIGHT = (-0.004, 0.012)
+ABOVE = (-0.010, 0.006)
 # what agrees to all digits has no place on a logarithmic axis [m]
 FLOOR = 1.0e-17
 
@@ -43,12 +44,17 @@ def worst_apart(runs: Mapping[str, Trace]) -> tuple[Vector, str]:
     return largest, pair
 
 
+def of_high_order(runs: Mapping[str, Trace]) -> dict[str, Trace]:
+    """The runs of engines that integrate to second order or better."""
+    return {name: trace for name, trace in runs.items() if backend_named(name).gate_class == "A"}
+
+
 def draw(runs: Runs) -> bytes:
     """The picture as PNG; the same bytes for the same runs and libraries."""
     from matplotlib.figure import Figure
 
     figure: Any = Figure(figsize=(10.0, 7.0), dpi=DPI, layout="constrained")
-    top, bottom = figure.subfigures(2, 1, height_ratios=(1.0, 1.15))
+    top, bottom = figure.subfigures(2, 1, height_ratios=(1.1, 1.15))
     _path(top, runs)
     left, right = bottom.subfigures(1, 2, width_ratios=(1.0, 1.25))
     _corner(left, runs)
@@ -64,16 +70,17 @@ def _path(figure: Any, runs: Runs) -> None:
         tip = next(iter(engines.values())).tip
         axes.plot(-tip[:, 1], tip[:, 0], color=COLOURS[kind], linewidth=1.3, label=NAMES[kind])
     x, y = corner(runs)
+    (left, right), (low, high) = RIGHT, ABOVE
     axes.plot(
-        [y - ZOOM, y + ZOOM, y + ZOOM, y - ZOOM, y - ZOOM],
-        [x - ZOOM, x - ZOOM, x + ZOOM, x + ZOOM, x - ZOOM],
+        [y + left, y + right, y + right, y + left, y + left],
+        [x + low, x + low, x + high, x + high, x + low],
         color="black",
         linewidth=0.8,
     )
     axes.set_aspect("equal")
     axes.set_title("tip of the built-in arm along the Greek key, seen from above", fontsize=10)
     _label(axes, "-y [m]", "x [m]")
-    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    figure.legend(fontsize=9, loc="outside lower center", ncols=3, frameon=False)
 
 
 def corner(runs: Runs) -> tuple[float, float]:
@@ -94,9 +101,8 @@ def _corner(figure: Any, runs: Runs) -> None:
         for k, trace in enumerate(traces):
             style = {"linewidth": 1.2} if kind == "rigid" else {"linewidth": WIDTHS[k], "alpha": FADE[k]}
             axes.plot(1e3 * (-trace.tip[:, 1] - y), 1e3 * (trace.tip[:, 0] - x), color=COLOURS[kind], **style)
-    side = 1e3 * ZOOM
-    axes.set_xlim(-side, side)
-    axes.set_ylim(-side, side)
+    axes.set_xlim(1e3 * np.array(RIGHT))
+    axes.set_ylim(1e3 * np.array(ABOVE))
     axes.set_aspect("equal")
     axes.set_title(f"the corner, {len(next(iter(runs.values())))} engines over each other", fontsize=10)
     _label(axes, "[mm]", "[mm]")
@@ -104,22 +110,27 @@ def _corner(figure: Any, runs: Runs) -> None:
 
 
 def _distances(figure: Any, runs: Runs) -> None:
+    """How far the tip leaves the rigid path, and how far apart the engines are."""
     axes = figure.subplots()
     rigid = next(iter(runs["rigid"].values()))
+    styles = {"from the rigid path": "-", "between any two engines": ":", "without first-order ones": "--"}
     for kind, engines in runs.items():
         if kind == "rigid":
             continue
         first = next(iter(engines.values()))
-        colour = COLOURS[kind]
-        axes.semilogy(
-            first.t, np.linalg.norm(first.tip - rigid.tip, axis=1), color=colour, linewidth=1.3, label=NAMES[kind]
-        )
-        if len(engines) > 1:
-            apart, _ = worst_apart(engines)
-            axes.semilogy(first.t, np.maximum(apart, FLOOR), color=colour, linewidth=1.0, linestyle=":")
-    axes.set_title("from the rigid path (solid), between any two engines (dotted)", fontsize=10)
-    _label(axes, "t [s]", "distance of the tips [m]")
+        lines = [np.linalg.norm(first.tip - rigid.tip, axis=1), worst_apart(engines)[0]]
+        if len(of_high_order(engines)) < len(engines):
+            lines.append(worst_apart(of_high_order(engines))[0])
+        for distance, style in zip(lines, styles.values(), strict=False):
+            if distance.any():
+                shown = {"color": COLOURS[kind], "linewidth": 1.2, "linestyle": style}
+                axes.semilogy(first.t, np.maximum(distance, FLOOR), **shown)
+    for name, style in styles.items():
+        axes.plot([], [], color="#333333", linewidth=1.2, linestyle=style, label=name)
+    axes.set_title("how far the tips are apart", fontsize=10)
+    _label(axes, "t [s]", "[m]")
     axes.grid(alpha=0.3)
+    figure.legend(fontsize=8, loc="outside lower center", ncols=3, frameon=False)
 
 
 def _label(axes: Any, x: str, y: str) -> None:

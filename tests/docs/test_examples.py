@@ -70,7 +70,7 @@ def test_examples_run(page, page_blocks, tmp_path):
         elif "run" in block.marks:
             assert block.language == "sh", f"{name}: what language is this?"
             for command in block.commands:
-                words = shlex.split(command)
+                words = shlex.split(command, comments=True)
                 assert words[0] == "mbexport", f"{name}: only mbexport runs here, not {command!r}"
                 steps.append(("sh", name, words[1:]))
                 expected.append([name, None, block.marks["run"] or "0"])
@@ -107,7 +107,7 @@ def test_commands_exist(page, page_blocks):
     for block in page_blocks:
         if block.language == "sh":
             for command in block.commands:
-                words = shlex.split(command)
+                words = shlex.split(command, comments=True)
                 if words[0] == "mbexport":
                     try:
                         parse(words[1:])
@@ -117,7 +117,7 @@ def test_commands_exist(page, page_blocks):
 
 def parse(words: list[str]) -> None:
     """Parse a command without running it."""
-    with click.Context(program, info_name="mbexport") as context:
+    with click.Context(program, info_name="mbexport", **program.context_settings) as context:
         rest = program.parse_args(context, list(words))
         if context.resilient_parsing or not (context._protected_args or rest):
             return
