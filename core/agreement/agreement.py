@@ -26,7 +26,7 @@ from .gates import GATES
 from .quantities import COUNT, STATICS, States, ask_engine, ask_tables, random_states, smooth
 from .reference import Tables, UnreadError, read
 from .runs import Run, no_run, refusal, run_all
-from .scenarios import SCENARIOS, Scenario, scenarios
+from .scenarios import SCENARIOS, Scenario, gives, scenarios
 
 if TYPE_CHECKING:
     from ..database import Database
@@ -497,8 +497,7 @@ def _studied(
     if ORDERS not in wanted:
         return None
     loops = ("rigid_loop", "compliant_loop")
-    elastic = any(stage.drive.spring for stage in robot.stages)
-    there = [scenario for scenario in made if scenario.name == loops[elastic]]
+    there = [scenario for scenario in made if scenario.name == loops[gives(robot)]]
     return there[0] if there else scenarios(robot, loops, duration, database=database)[-1]
 
 

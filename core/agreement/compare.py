@@ -149,24 +149,43 @@ def compare_runs(scenario: Scenario, runs: Sequence[Run], reach: float) -> list[
         reach: Of the robot [m].
     """
     figures: list[Figure] = []
-    for a, b in combinations([run for run in runs if not run.half], 2):
+    whole = [run for run in runs if not run.half]
+    exact = _exact_enough(scenario, whole, reach)
+    for a, b in combinations(whole, 2):
         if a.voice == b.voice or {a.manner, b.manner} == {"first", "extrapolated"}:
             continue
+        narrow = "explicit" not in (a.manner, b.manner) or a.voice in exact or b.voice in exact
         manners: tuple[Manner, Manner] = (a.manner, b.manner)
         step = max((run.step for run in (a, b) if run.manner == "first"), default=0.0)
         pair = (a.voice, b.voice)
-        gate = limit(scenario.tip, manners, reach=reach, step=step)
+        gate = limit(scenario.tip, manners, reach=reach, step=step, narrow=narrow)
         at, value, t = _worst_tip(a, b, reach, scenario)
         figures.append(Figure(scenario.name, scenario.tip, pair, value, gate.value, gate.manner, at, t))
         if any(scenario.elastic):
             bend = limit("deflection", manners, reach=reach, step=step)
             value, allowed, at, t = _worst_deflection(a, b, bend.value, bend.absolute)
             figures.append(Figure(scenario.name, "deflection", pair, value, allowed, bend.manner, at, t))
-        elif scenario.imposed:
+        elif not scenario.integrated:
             torque = limit("imposed_torque", manners, reach=reach, step=step)
             value, at, t = _worst_torque(a, b)
             figures.append(Figure(scenario.name, "imposed_torque", pair, value, torque.value, torque.manner, at, t))
     return figures
+
+
+def _exact_enough(scenario: Scenario, runs: Sequence[Run], reach: float) -> set[str]:
+    """Voices of higher order that an extrapolated run can be held against by its own gate.
+
+    That is the one nearest to it, and those that agree with that one within the gate: where they differ by more, it is
+    their own step that shows, and the wider gate of the two counts.
+    """
+    explicit = [run for run in runs if run.manner == "explicit" and np.isfinite(run.tip).all()]
+    allowed = limit(scenario.tip, ("extrapolated", "extrapolated"), reach=reach, step=0.0).value
+    exact: set[str] = set()
+    for run in runs:
+        if run.manner == "extrapolated" and np.isfinite(run.tip).all() and explicit:
+            nearest = min(explicit, key=lambda other, run=run: _tip_distance(run, other))
+            exact |= {other.voice for other in explicit if _tip_distance(nearest, other) <= allowed}
+    return exact
 
 
 def _worst_tip(a: Run, b: Run, reach: float, scenario: Scenario) -> tuple[str, float, float]:
@@ -245,11 +264,11 @@ def plainly_controlled(scenario: Scenario) -> bool:
     robot, control = scenario.robot, scenario.control
     if scenario.motion_name != "exercise":
         return False
+    reported = any(stage.sensor.position_offset or stage.sensor.torque_offset for stage in robot.stages)
     if scenario.imposed:
-        return True
+        return not reported
     cut = any(math.isfinite(stage.drive.torque_limit) for stage in robot.stages) or control.torque_limit
     other = robot.delay or robot.kp_factor or robot.kd_factor or control.feedforward != "none"
-    reported = any(stage.sensor.position_offset or stage.sensor.torque_offset for stage in robot.stages)
     return not (cut or other or reported)
 
 

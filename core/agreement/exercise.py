@@ -13,6 +13,8 @@ from ..simulation.backend import Vector
 
 AMPLITUDE = 0.4
 """How far a revolute joint goes [rad]; a prismatic one goes this part of half the reach."""
+FULL_DURATION = 2.0
+"""Time that this takes [s]; a shorter exercise goes less far, so that nothing accelerates more."""
 
 # peak speed of the quintic 10 u^3 - 15 u^4 + 6 u^5 over its mean
 PEAK_SPEED = 1.875
@@ -36,7 +38,11 @@ def exercise_ends(robot: Robot, duration: float) -> tuple[Vector, Vector]:
     turn = start.copy()
     for i, stage in enumerate(robot.stages):
         joint = stage.joint
-        far = AMPLITUDE * (0.5 * reach(robot) if joint.kind == "prismatic" else 1.0)
+        far = (
+            AMPLITUDE
+            * min(1.0, duration / FULL_DURATION) ** 2
+            * (0.5 * reach(robot) if joint.kind == "prismatic" else 1.0)
+        )
         if math.isfinite(joint.velocity):
             far = min(far, 0.9 * joint.velocity * (duration / 2) / PEAK_SPEED)
         # smaller from joint to joint, so that no two move alike

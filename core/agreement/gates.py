@@ -116,7 +116,7 @@ class Limit:
     manner: Manner
 
 
-def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: float) -> Limit:
+def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: float, narrow: bool = True) -> Limit:
     """The limit of a signal between two voices.
 
     Args:
@@ -124,6 +124,8 @@ def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: fl
         manners: How each of the two came to its numbers.
         reach: Of the robot [m].
         step: Of the first-order one [s], where there is one.
+        narrow: The one of higher order is known to be exact enough for an extrapolated one's gate, where that is the
+            narrower of the two.
     """
     gate = GATES[signal]
     scale = reach / PAPER_REACH
@@ -135,8 +137,8 @@ def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: fl
         "first": (gate.first * (step / gate.first_step if gate.first_step else 1.0), gate.absolute_first),
         "extrapolated": (gate.extrapolated, gate.absolute_first),
     }
-    # what a pair may differ by is decided by the less exact of the two, whatever the other could do
-    rough = [manner for manner in manners if manner not in ("algebra", "explicit")] or list(manners)
+    rough: list[Manner] = [manner for manner in manners if narrow and manner not in ("algebra", "explicit")]
+    rough = rough or list(manners)
     worse = max(rough, key=lambda manner: values[manner][0])
     absolute = max(values[manner][1] for manner in rough)
     return Limit(values[worse][0] * lengths, absolute * scale, worse)

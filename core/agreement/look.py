@@ -34,4 +34,4 @@ def listed(names: Sequence[str]) -> str:
 def brief(value: float) -> str:
     """A number for a sentence: six digits at most."""
     rounded = float(f"{value:.6g}")
-    return repr(int(rounded)) if rounded == int(rounded) and abs(rounded) < 1e6 else repr(rounded)
+    return repr(int(rounded)) if abs(rounded) < 1e6 and rounded == int(rounded) else repr(rounded)

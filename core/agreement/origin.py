@@ -109,12 +109,14 @@ def build_faults(tables: Tables, robot: Robot) -> Iterator[str]:
     for i, stage in enumerate(robot.stages):
         drive = stage.drive
         spring = drive.spring
+        # springs of effects that the fifth voice does not read
+        unsaid = bool(tables.drives_unsaid)
         names = ("motor-side inertia", "stiffness", "spring damping", "viscous damping", "arm spring")
         told = np.array(
             [
                 tables.motor_inertia()[i] if not drive.dummy else drive.inertia,
-                tables.stiffness[i],
-                tables.damping[i],
+                tables.stiffness[i] if not (unsaid and spring) else spring.stiffness,
+                tables.damping[i] if not (unsaid and spring) else spring.damping,
                 tables.viscous[i],
                 tables.spring[i],
             ]

@@ -216,10 +216,13 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool]) -> Vector:
         now = unbalance(sag)
         slope = np.empty((len(free), len(free)))
         for column, j in enumerate(free):
+            # away from the clearance that a spring may have, within which it has no slope
+            shift = math.copysign(1e-5, sag[j])
             shifted = sag.copy()
-            shifted[j] += 1e-5
-            slope[:, column] = (unbalance(shifted) - now) / 1e-5
-        move = np.linalg.solve(slope, now)
+            shifted[j] += shift
+            slope[:, column] = (unbalance(shifted) - now) / shift
+        # play that nothing presses on stands where it is
+        move = np.linalg.lstsq(slope, now)[0]
         sag[free] -= move
         if float(np.max(np.abs(move))) <= 1e-15 + 1e-13 * float(np.max(np.abs(sag))):
             break

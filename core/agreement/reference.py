@@ -40,8 +40,13 @@ READ = frozenset(
 NOT_ASKED = frozenset(
     {"torque_constant", "torque_offset", "torque_limit", "encoder_offset", "delay", "controller_gain"}
 )
-# effects that change what the drives pass, and nothing of the arms
-OF_THE_DRIVES = frozenset({"load_friction", "hysteresis", "torque_ripple", "backlash", "transmission_error"})
+# effects that change what the drives pass, or let parts give, and nothing of the arms when all parts are rigid
+OF_THE_DRIVES = frozenset(
+    {
+        "load_friction", "hysteresis", "torque_ripple", "backlash", "transmission_error", "joint_compliance_6d",
+        "link_flexibility",
+    }
+)  # fmt: skip
 
 
 class UnreadError(ValueError):
@@ -282,7 +287,17 @@ class Tables:
     def motor_inertia(self) -> Array:
         """Motor-side inertia, the dummy part's where an elastic joint has no rotor, shape (n,)."""
         home = np.diagonal(self.mass_matrix(self.home))
-        return np.where(np.isfinite(self.stiffness) & (self.rotor == 0.0), self.dummy * home, self.rotor)
+        return np.where(self.elastic() & (self.rotor == 0.0), self.dummy * home, self.rotor)
+
+    def elastic(self) -> NDArray[np.bool_]:
+        """Where motor and arm side are two coordinates: compliance, backlash or transmission error, shape (n,)."""
+        found = np.isfinite(self.stiffness)
+        for name in ("backlash", "transmission_error"):
+            found[[place - 1 for place in self.effects.get(name, {})]] = True
+        for place, row in self.effects.get("joint_compliance_6d", {}).items():
+            own = "kz" if self.kinds[place - 1] == "prismatic" else "krz"
+            found[place - 1] |= math.isfinite(row.get(own, math.inf))
+        return found
 
     def drive_torque(self, q: ArrayLike, dq: ArrayLike, theta: ArrayLike, dtheta: ArrayLike) -> tuple[Array, Array]:
         """Torques on the arms and on the motor sides, command zero, sliding friction, shapes (..., n).

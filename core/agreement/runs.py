@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..expansion import expanded
 from ..simulation import simulate
 from ..simulation.backend import Backend, Program, Vector
+from ..simulation.program import whole_program
 from ..simulation.step import choose_step, poses_of
 from ..simulation.trace import Trace
 from .gates import Manner, manner_of
@@ -54,7 +56,7 @@ def run_all(scenario: Scenario, backend: Backend) -> Iterator[Run]:
     whole = one_run(scenario, backend, step)
     yield whole
     # imposed motion of rigid joints is not integrated
-    if manner != "first" or (scenario.imposed and not any(scenario.elastic)):
+    if manner != "first" or not scenario.integrated:
         return
     half = one_run(scenario, backend, step / 2, half=True)
     yield half
@@ -79,8 +81,9 @@ def run_all(scenario: Scenario, backend: Backend) -> Iterator[Run]:
 
 def refusal(scenario: Scenario, backend: Backend) -> str | None:
     """Why a backend does not run a scenario; None where it does."""
+    whole = expanded(scenario.robot, imposed=scenario.imposed)
     program = Program(scenario.motion, scenario.control, scenario.duration, step_of(scenario, backend))
-    return backend.refusal(scenario.robot, program)
+    return backend.refusal(whole.robot, whole_program(whole, program))
 
 
 def no_run(like: Run, voice: str) -> Run:
@@ -91,8 +94,9 @@ def no_run(like: Run, voice: str) -> Run:
 
 def step_of(scenario: Scenario, backend: Backend) -> float:
     """The backend's own step; of a first-order one at most what its gate is for [s]."""
-    poses = poses_of(scenario.robot, scenario.motion)
-    own = choose_step(scenario.robot, backend, imposed=scenario.imposed, poses=poses)
+    whole = expanded(scenario.robot, imposed=scenario.imposed)
+    poses = whole.spread(poses_of(scenario.robot, scenario.motion))
+    own = choose_step(whole.robot, backend, imposed=scenario.imposed, poses=poses)
     return min(own, scenario.first_step) if backend.gate_class == "B" else own
 
 
@@ -102,10 +106,9 @@ def one_run(scenario: Scenario, backend: Backend, step: float, *, half: bool = F
         scenario.robot, backend, scenario.motion, scenario.control, duration=scenario.duration, step=step
     )
     offset = np.array([stage.sensor.position_offset for stage in scenario.robot.stages])
-    algebra = scenario.imposed and not any(scenario.elastic)
     return Run(
         backend.name,
-        "algebra" if algebra else manner_of(backend),
+        manner_of(backend) if scenario.integrated else "algebra",
         step,
         half,
         trace.t,

@@ -67,6 +67,11 @@ class Scenario:
         """Where motor and arm side are two coordinates."""
         return tuple(stage.drive.spring is not None for stage in self.robot.stages)
 
+    @property
+    def integrated(self) -> bool:
+        """There is something to integrate: the robot is moved by torque, or a part of it gives."""
+        return not self.imposed or gives(self.robot)
+
 
 def scenarios(
     robot: Robot, names: Sequence[str], duration: float, *, database: Database | None = None
@@ -80,7 +85,7 @@ def scenarios(
         database: Whose motions are used, where one is asked for by name.
     """
     rigid, compliant = as_rigid(robot), without_friction(robot)
-    elastic = any(stage.drive.spring for stage in robot.stages)
+    elastic = gives(robot)
     rubs = any(term.kind in ("level", "resistance") for stage in robot.stages for term in stage.drive.terms)
     rubs = rubs or any(stage.drive.slips for stage in robot.stages)
     calm = exercise(robot, duration)
@@ -126,8 +131,14 @@ def _path(robot: Robot, calm: MotionLaw, duration: float, database: Database | N
     return calm, "exercise"
 
 
+def gives(robot: Robot) -> bool:
+    """Whether some joint, bearing or arm is elastic."""
+    return any(stage.drive.spring or stage.mount or stage.bend for stage in robot.stages)
+
+
 def as_rigid(robot: Robot) -> Robot:
-    """The robot with rigid joints and no friction beyond the linear one; rotors stay, dummy parts go."""
+    """The robot with rigid joints and arms, no friction beyond the linear one; rotors stay, dummy parts go."""
+    robot = replace(robot, stages=tuple(replace(stage, mount=None, bend=None) for stage in robot.stages))
     return _with_drives(
         robot,
         lambda drive: replace(
