@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from .. import plugins
 from ..errors import PluginError
 from .common import json_option, print_json
+
+if TYPE_CHECKING:
+    from ..effects import Effect
 
 KINDS = ("backends", "effects", "robots")
 
@@ -35,6 +38,9 @@ def _backends() -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for report in plugins.report(plugins.BACKENDS):
         row: dict[str, Any] = {"name": report.name, "distribution": report.distribution}
+        if report.problem is not None:
+            rows.append({**row, "problem": report.problem})
+            continue
         try:
             backend = backend_named(report.name)
             row |= {
@@ -46,28 +52,35 @@ def _backends() -> list[dict[str, Any]]:
             }
         except PluginError as error:
             row["problem"] = str(error)
+        except Exception as error:
+            # a stranger's code; most of all the engine's metadata where the engine is not installed
+            row["problem"] = f"its version cannot be asked: {type(error).__name__}: {error}"
         rows.append(row)
     return rows
 
 
 def _effects() -> list[dict[str, Any]]:
-    from ..effects import catalogue, effect_named
+    from ..effects import built_in_names, effect_named, effect_reports
 
-    rows: list[dict[str, Any]] = []
-    for name in catalogue():
-        try:
-            effect = effect_named(name)
-        except PluginError as error:
-            rows.append({"name": name, "problem": str(error)})
-            continue
-        columns = ", ".join(
-            f"{column.name}[{column.unit or '1'}]" + ("" if column.default is None else f"({column.default!r})")
-            for column in effect.columns
-        )
-        law = (type(effect).__doc__ or "").strip().splitlines()[0]
-        realised = "common law, compiled" if effect.laws else "in the model"
-        rows.append({"name": name, "key": effect.key, "columns": columns, "law": law, "realised": realised})
-    return rows
+    reports = effect_reports()
+    rows = [_effect_row(name, effect_named(name)) for name in built_in_names()]
+    for report in reports:
+        row = {"name": report.name, "distribution": report.distribution}
+        if report.problem is not None:
+            rows.append({**row, "problem": report.problem})
+        else:
+            rows.append({**_effect_row(report.name, effect_named(report.name)), **row})
+    return sorted(rows, key=lambda row: row["name"])
+
+
+def _effect_row(name: str, effect: Effect) -> dict[str, Any]:
+    columns = ", ".join(
+        f"{column.name}[{column.unit or '1'}]" + ("" if column.default is None else f"({column.default!r})")
+        for column in effect.columns
+    )
+    law = ((type(effect).__doc__ or "").strip().splitlines() or [""])[0]
+    realised = "common law, compiled" if effect.laws else "in the model"
+    return {"name": name, "key": effect.key, "columns": columns, "law": law, "realised": realised}
 
 
 def _robots() -> list[dict[str, Any]]:
