@@ -64,13 +64,26 @@ def test_nothing_is_left_open(page):
         assert word.lower() not in text.lower(), f"{page.name}: {word}"
 
 
-@pytest.fixture(scope="session")
-def generate():
-    path = ROOT / "docs" / "generate.py"
-    spec = importlib.util.spec_from_file_location("docs_generate", path)
+def script(name):
+    """A script of docs/ as a module."""
+    spec = importlib.util.spec_from_file_location(f"docs_{name}", ROOT / "docs" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def generate():
+    return script("generate")
+
+
+def test_drawings_are_drawn(tmp_path):
+    def size(path):
+        return path.read_bytes()[16:24]  # width and height of a PNG
+
+    for name, draw in script("make_pictures").PICTURES_OF.items():
+        draw(tmp_path / name)
+        assert size(tmp_path / name) == size(ROOT / "docs" / "pictures" / name)
 
 
 def test_generated_parts_are_current(page, generate):
