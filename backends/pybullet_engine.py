@@ -70,6 +70,10 @@ class PybulletEngine(DrivenEngine):
         """From the loaded model's frames."""
         return self._script["tool_in_base"](self._model, q)
 
+    def tools_in_base(self, q: Vector) -> Vector:
+        """From the loaded model's frames."""
+        return self._script["tool_in_base"](self._model, q)
+
     def mass_matrix(self, q: Vector) -> Vector:
         """As PyBullet calculates it."""
         return self._script["mass_matrix"](self._model, q)

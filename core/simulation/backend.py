@@ -106,6 +106,10 @@ class Engine(ABC):
     def tool_in_base(self, q: Vector) -> Vector:
         """Pose of the tool centre point in the base, shape (4, 4)."""
 
+    def tools_in_base(self, q: Vector) -> Vector:
+        """`tool_in_base` of many positions, shape (m, 4, 4) at q (m, n)."""
+        return np.array([self.tool_in_base(row) for row in q])
+
     @abstractmethod
     def mass_matrix(self, q: Vector) -> Vector:
         """Mass matrix of the arms, shape (n, n), without rotors."""

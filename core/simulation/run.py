@@ -96,7 +96,7 @@ def simulate(
                 spread = _SpreadController(controller, whole) if whole.passive else controller
                 begin = start or controlled_start(whole.robot, engine, followed, rules, spread)
                 record = _controlled(whole.robot, engine, spread, times, h, begin, tell)
-        tool = np.array([engine.tool_in_base(q) for q in record.q])
+        tool = engine.tools_in_base(record.q)
         record.keep(whole.driven)
         return _trace(robot, engine_backend, law, rules, times, record, tool, h, length, torque)
     finally:
