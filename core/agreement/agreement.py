@@ -481,10 +481,12 @@ def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[st
                 made.append(engine if same else engine_of(smooth(robot)))
             return made[0]
 
-        elastic = [stage.drive.spring is not None for stage in robot.stages]
+        springs = [stage.drive.spring for stage in robot.stages]
+        elastic = [spring is not None for spring in springs]
+        play = [spring is not None and spring.gap > 0.0 for spring in springs]
         base = robot.base.matrix()
         with _must_run():
-            return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step)
+            return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step, play=play)
     finally:
         for engine in opened:
             engine.close()

@@ -7,6 +7,7 @@ made of that; the first that differs has the fault.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,6 +46,8 @@ def reader_faults(bare: Tables, tables: Tables, database: Database) -> Iterator[
             got = Lump(inertia.mass, np.array(inertia.com), inertia.tensor())
             names = ("mass", "x", "y", "z", *_MOMENTS)
             yield from _cells("inertia.dat", f"arm {i + 1}", names, _as_written(lump), _as_written(got))
+    else:
+        yield from _converted(bare, database)
     for name, rows in tables.effects.items():
         read = {row.at: row.values for row in database.effects.get(name, ())}
         for at, row in rows.items():
@@ -64,6 +67,35 @@ def reader_faults(bare: Tables, tables: Tables, database: Database) -> Iterator[
             yield f"the motion {name} has other rows than its table"
             continue
         yield from _rows_shifted(name, t, q, np.array(motion.t), np.array(motion.q))
+
+
+def _converted(bare: Tables, database: Database) -> Iterator[str]:
+    """Modified rows are converted, so that numbers cannot be compared; where things stand at zero can."""
+    read = replace(
+        bare,
+        modified=False,
+        base=database.base.pose().matrix(),
+        rows=np.array([[getattr(link, name) for name in GEOMETRY] for link in database.kinematics]),
+        lumps=tuple((Lump(body.mass, np.array(body.com), body.tensor()),) for body in database.inertias),
+    )
+    at_zero = np.zeros(bare.n)
+    told, got = bare.frames(at_zero), read.frames(at_zero)
+    for i in range(bare.n):
+        # axes are lines: direction, and distance of the one's point from the other's line
+        off = float(np.linalg.norm(np.cross(told[1][i], got[2][i] - told[2][i])))
+        if bare.kinds[i] == "revolute" and (off > 1e-9 or float(np.max(np.abs(told[1][i] - got[1][i]))) > 1e-9):
+            yield f"the axis of joint {i + 1} (kinematics.dat) stands otherwise after its conversion from modified rows"
+        a, b = (world_lump(tables.lumps[i][0], frames[0][i]) for tables, frames in ((bare, told), (read, got)))
+        if float(np.max(np.abs(a.com - b.com))) > 1e-9 or a.mass != b.mass:
+            yield f"the center of mass of arm {i + 1} (inertia.dat) stands otherwise after its conversion from modified rows"
+        elif float(np.max(np.abs(a.tensor - b.tensor))) > 1e-9 * float(np.max(np.abs(a.tensor))):
+            yield f"the inertia of arm {i + 1} (inertia.dat) is turned otherwise after its conversion from modified rows"
+
+
+def world_lump(lump: Lump, frame: Vector) -> Lump:
+    """A body seen from the world, whose arm's frame stands at a homogeneous matrix (4, 4)."""
+    rotation = frame[:3, :3]
+    return Lump(lump.mass, frame[:3, 3] + rotation @ lump.com, rotation @ lump.tensor @ rotation.T)
 
 
 def _as_written(lump: Lump) -> Vector:

@@ -35,6 +35,8 @@ FEW = 8
 STRETCH = 1.0e-3
 # torques of a drive are judged by this part of the largest of all drives, or of 1 N m, where its own are smaller
 SMALL_TORQUE = 1.0e-6
+# a load below this part of the largest is none
+WEIGHTLESS = 1.0e-9
 # fractions of a run's step over which acceleration is taken, and the weights that leave an error of third order
 ACCELERATION_STEPS = (1 / 64, 1 / 128, 1 / 256)
 ACCELERATION_WEIGHTS = (1 / 3, -2.0, 8 / 3)
@@ -81,13 +83,15 @@ def random_states(robot: Robot, count: int = COUNT, seed: int = SEED) -> States:
     load = np.diag(dynamics(robot).mass_matrix(home)) + np.abs(dynamics(robot).gravity(home))
     give = np.array([load[i] / spring.stiffness if spring else 0.0 for i, spring in enumerate(springs)])
     far = np.where(elastic, np.maximum(give, STRETCH * unit), 0.0)
+    # beyond the play, where there is something to be asked
+    closed = np.sign(stretch) * [0.5 * spring.gap if spring else 0.0 for spring in springs]
     return States(
         q,
         dq,
         ddq,
-        q + stretch * far,
+        q + stretch * far + closed,
         np.where(elastic, dq + dstretch, dq),
-        q + stretch * give,
+        q + stretch * give + closed,
         np.where(elastic, dq + 1e-2 * dstretch, dq),
     )
 
@@ -106,6 +110,7 @@ def ask_engine(
     moving: Callable[[], Engine],
     elastic: Sequence[bool],
     step: float,
+    play: Sequence[bool] = (),
 ) -> dict[str, Vector]:
     """Answers of a loaded model, by quantity; the first index counts the states.
 
@@ -118,6 +123,7 @@ def ask_engine(
             memory, and is compared in runs.
         elastic: Where motor and arm side are two coordinates.
         step: Step of a run [s].
+        play: Where the connection of the two has a clearance; () nowhere.
     """
     tool = np.array([base_in_world @ engine.tool_in_base(q) for q in states.q])
     few = range(min(FEW, len(states.q)))
@@ -138,7 +144,7 @@ def ask_engine(
             ]
         ),
         "acceleration": lambda: np.array([_stepped(moving(), states, k, step) for k in few]),
-        "static_sag": lambda: np.array([_sag(engine, states.q[k], elastic) for k in few]),
+        "static_sag": lambda: np.array([_sag(engine, states.q[k], elastic, play) for k in few]),
     }
     return {name: answers[name]() for name in quantities}
 
@@ -196,13 +202,19 @@ def _stepped(engine: Engine, states: States, k: int, step: float) -> Vector:
     return total
 
 
-def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool]) -> Vector:
+def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[bool]) -> Vector:
     """What the arms sag below motor sides held at theta, by the engine's own gravity and springs, shape (n,).
 
-    Newton's method on spring torque = gravity, with differences for the slope.
+    Newton's method on spring torque = gravity, with differences for the slope. Play is closed by the load to begin
+    with, and stands where it is where there is none.
     """
-    free = np.flatnonzero(elastic)
     sag = np.zeros(engine.n)
+    fixed: set[int] = set()
+    for j in np.flatnonzero(play):
+        sag[j] = _closed(engine, theta, int(j))
+        if sag[j] == 0.0:
+            fixed.add(int(j))
+    free = np.array([j for j in np.flatnonzero(elastic) if j not in fixed], dtype=np.int64)
     if not len(free):
         return sag
     still = np.zeros(engine.n)
@@ -221,11 +233,27 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool]) -> Vector:
             shifted = sag.copy()
             shifted[j] += shift
             slope[:, column] = (unbalance(shifted) - now) / shift
-        # play that nothing presses on stands where it is
-        move = np.linalg.lstsq(slope, now)[0]
+        move = np.linalg.solve(slope, now)
         sag[free] -= move
         if float(np.max(np.abs(move))) <= 1e-15 + 1e-13 * float(np.max(np.abs(sag))):
             break
+    return sag
+
+
+def _closed(engine: Engine, theta: Vector, j: int) -> float:
+    """A sag of joint j at which its spring, beyond its play, holds the load; 0 where there is no load at theta."""
+    still = np.zeros(engine.n)
+
+    def unbalance(sag: float) -> float:
+        q = theta + sag * np.eye(engine.n)[j]
+        return float((engine.drive_torque(q, still, theta, still)[0] - engine.gravity(q))[j])
+
+    pressing = unbalance(0.0)
+    if abs(pressing) <= WEIGHTLESS * float(np.max(np.abs(engine.gravity(theta)))):
+        return 0.0
+    sag = math.copysign(1e-6, pressing)
+    while abs(sag) < 1.0 and unbalance(sag) * pressing > 0.0:
+        sag *= 2.0
     return sag
 
 
