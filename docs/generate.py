@@ -199,7 +199,7 @@ def backends() -> str:
     rows: list[list[str]] = []
     for name in backend_names():
         backend = backend_named(name)
-        if type(backend).__module__.startswith(BACKENDS):
+        if type(backend).__module__.startswith(BACKENDS) and backend.runs:
             rows.append(
                 [
                     f"`{name}`",
