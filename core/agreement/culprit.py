@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ..representation import Robot
+from ..representation import ArmSpring, Robot, Spring
 from ..simulation.backend import Vector
 from .compare import Figure, Order
 from .drive_faults import acceleration_look, armature_look, torque_look
@@ -225,20 +225,41 @@ def _inertia(evidence: Evidence, odd: str, trusted: str, signal: str) -> Look:
     )
 
 
+def _as_told(evidence: Evidence) -> Robot:
+    """The representation with the drives' numbers as the tables have them."""
+    tables = evidence.tables
+    if tables is None or tables.drives_unsaid:
+        return evidence.robot
+    stages = list(evidence.robot.stages)
+    for i, stage in enumerate(stages):
+        gap = stage.drive.spring.gap if stage.drive.spring else 0.0
+        elastic = bool(np.isfinite(tables.stiffness[i]))
+        held = (ArmSpring(float(tables.spring[i]), float(tables.rest[i])),) if tables.spring[i] else ()
+        drive = replace(
+            stage.drive,
+            inertia=float(tables.motor_inertia()[i]),
+            spring=Spring(float(tables.stiffness[i]), float(tables.damping[i]), gap) if elastic else None,
+            damping=float(tables.viscous[i]),
+            arm_springs=held,
+        )
+        stages[i] = replace(stage, drive=drive)
+    return replace(evidence.robot, stages=tuple(stages))
+
+
 def _armature(evidence: Evidence, odd: str, trusted: str, signal: str) -> Look:
-    return armature_look(evidence.robot, evidence.answers[trusted][signal][0], evidence.answers[odd][signal][0])
+    return armature_look(_as_told(evidence), evidence.answers[trusted][signal][0], evidence.answers[odd][signal][0])
 
 
 def _drive(evidence: Evidence, odd: str, trusted: str, signal: str) -> Look:
     answers = evidence.answers
-    return torque_look(evidence.robot, evidence.states, answers[trusted][signal], answers[odd][signal])
+    return torque_look(_as_told(evidence), evidence.states, answers[trusted][signal], answers[odd][signal])
 
 
 def _acceleration(evidence: Evidence, odd: str, trusted: str, signal: str) -> Look:
     expected, seen = evidence.answers[trusted][signal], evidence.answers[odd][signal]
     if evidence.tables is None:
         return Look("unknown", "robot", "its integrator moves otherwise than its own model says")
-    return acceleration_look(evidence.tables, evidence.robot, evidence.states, expected, seen)
+    return acceleration_look(evidence.tables, _as_told(evidence), evidence.states, expected, seen)
 
 
 def _sag(evidence: Evidence, odd: str, trusted: str, signal: str) -> Look:

@@ -157,21 +157,23 @@ def acceleration_look(model: Tables, robot: Robot, states: States, expected: Vec
     q, dq = states.q[:few], states.dq[:few]
     elastic = np.array([stage.drive.spring is not None for stage in robot.stages])
     inertia = np.array([stage.drive.inertia for stage in robot.stages])
-    arms = model.mass_matrix(q) + np.diag(np.where(elastic, 0.0, inertia))
-    missing = apply(arms, expected[:, :n] - seen[:, :n])
+    bare = model.mass_matrix(q)
+    arms = bare + np.diag(np.where(elastic, 0.0, inertia))
     root = np.sqrt(np.einsum("kii->ki", arms)).max(axis=0)
-    links = _link_damping(model, q, dq)
-    stacked = np.stack([(column / root).ravel() for column in links], axis=1)
-    target = (missing / root).ravel()
-    size = float(np.linalg.norm(target))
-    for columns in (stacked[:, :1], stacked):
-        rates = least_squares(columns, target)
-        if float(np.linalg.norm(target - columns @ rates)) < _EXPLAINED_RUNNING * size:
-            text = (
-                f"every link is damped by {brief(float(f'{rates[0]:.2g}'))} 1/s as it runs, which the robot has not: "
-                "like an engine's default damping left on"
-            )
-            return Look("default damping", "all arms", text)
+    links = np.stack([(column / root).ravel() for column in _link_damping(model, q, dq)], axis=1)
+    # an engine without armature takes its rotors beside it, and the damping acts on the arms alone
+    for matrix in (arms, bare):
+        target = (apply(matrix, expected[:, :n] - seen[:, :n]) / root).ravel()
+        for columns in (links[:, :1], links):
+            rates = least_squares(columns, target)
+            if float(np.linalg.norm(target - columns @ rates)) < _EXPLAINED_RUNNING * float(np.linalg.norm(target)):
+                text = (
+                    f"every link is damped by {brief(float(f'{rates[0]:.2g}'))} 1/s as it runs, which the robot has "
+                    "not: like an engine's default damping left on"
+                )
+                return Look("default damping", "all arms", text)
+    missing = apply(arms, expected[:, :n] - seen[:, :n])
+    size = float(np.linalg.norm(missing / root))
     looks = [
         _running_joint_look(f"joint_{i + 1}", robot, i, missing[:, i], dq[:, i], seen[:, i], expected[:, i])
         for i in range(n)

@@ -42,7 +42,8 @@ def geometry_look(
     for look, moved in _joint_faults(model, q):
         if _same(model.tool_in_world(moved), seen, size):
             return look
-    return _frame_fault(robot, q, seen, size) or Look("frame", "robot", _unknown(model, q, seen))
+    fault = _cell_fitted(model, q, seen, size) or _frame_fault(robot, q, seen, size)
+    return fault or Look("frame", "robot", _unknown(model, q, seen))
 
 
 def _same(a: Vector, b: Vector, size: float) -> bool:
@@ -128,6 +129,25 @@ def _joint_faults(model: Tables, q: Vector) -> Iterator[tuple[Look, Vector]]:
         yield Look("frame", at, f"the positions of joint_{i + 1} and joint_{j + 1} are swapped"), swapped
 
 
+def _cell_fitted(model: Tables, q: Vector, seen: Vector, size: float) -> Look | None:
+    """The one number of the kinematics table that, changed, gives the poses seen: Gauss-Newton on each alone."""
+    for i in range(model.n):
+        for column, name in enumerate(GEOMETRY):
+            rows = model.rows.copy()
+            for _ in range(8):
+                here = replace(model, rows=rows).tool_in_world(q)
+                if _same(here, seen, size):
+                    told, has = float(model.rows[i, column]), float(rows[i, column])
+                    unit = "rad" if column in ANGLES else "m"
+                    text = f"{name} of arm_{i + 1} is {brief(has)} instead of {brief(told)} {unit}"
+                    return Look("frame", f"arm_{i + 1}", text)
+                nudged = rows.copy()
+                nudged[i, column] += 1e-6
+                slope = ((replace(model, rows=nudged).tool_in_world(q) - here) / 1e-6).ravel()
+                rows[i, column] += float(slope @ (seen - here).ravel()) / max(float(slope @ slope), 1e-300)
+    return None
+
+
 def _frame_fault(robot: Robot, q: Vector, seen_in_world: Vector, size: float) -> Look | None:
     """The one constant transform of the chain whose change gives the poses seen, if there is one.
 
@@ -173,7 +193,9 @@ def _described(expected: Vector, seen: Vector, size: float) -> str:
     if moved and not turned:
         if not seen[:3, 3].any():
             return "has lost its position"
-        return f"is moved by ({', '.join(brief(float(x)) for x in seen[:3, 3] - expected[:3, 3])}) m"
+        way = seen[:3, 3] - expected[:3, 3]
+        clean = np.where(np.abs(way) < 1e-6 * np.max(np.abs(way)), 0.0, way)
+        return f"is moved by ({', '.join(brief(float(f'{x:.4g}')) for x in clean)}) m"
     angle = math.acos(max(-1.0, min(1.0, (float(np.trace(turn)) - 1.0) / 2.0)))
     words = f"is turned by {brief(angle / DEGREE)} deg"
     return f"{words} and moved by {brief(float(np.linalg.norm(seen[:3, 3] - expected[:3, 3])))} m" if moved else words

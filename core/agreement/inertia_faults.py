@@ -13,10 +13,11 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from ..kinematics import arms_in_base, joints_in_base
 from ..representation import Robot
 from ..simulation.backend import Vector
 from .look import EXPLAINED, Look, brief, listed
-from .reference import Lump, Tables
+from .reference import Lump, Tables, transposed
 
 # states that are enough to tell one body from another
 ENOUGH = 10
@@ -131,12 +132,17 @@ def parameters_of(lump: Lump) -> Vector:
 def _suspicions(model: Tables, robot: Robot) -> Iterator[tuple[Look, dict[int, Vector]]]:
     """Changes of parameters by arm: one arm first, then the same fault in all arms, then two rows."""
     of_all: dict[str, dict[int, Vector]] = {}
+    at_zero = np.zeros(model.n)
+    placed = model.frames(at_zero)[0][:, :3, :3]
+    base = robot.base.rotation_matrix()
+    # from the axes that a table's inertias stand in to those of the joint, and of the standard convention's row
+    to_joint = transposed(base @ joints_in_base(robot, at_zero)[:, :3, :3]) @ placed
+    to_standard = transposed(base @ arms_in_base(robot, at_zero)[:, :3, :3]) @ placed
     for i in range(model.n):
         if not model.lumps[i]:
             continue
         lump = model.lumps[i][0]
-        rotation = np.array(robot.arm_in_joint(i).rotation)
-        for fault, text, changed in _lump_faults(lump, rotation):
+        for fault, text, changed in _lump_faults(lump, to_joint[i], to_standard[i]):
             change = parameters_of(changed) - parameters_of(lump)
             if float(np.max(np.abs(change))) > 0.0:
                 of_all.setdefault(fault, {})[i] = change
@@ -154,7 +160,7 @@ def _suspicions(model: Tables, robot: Robot) -> Iterator[tuple[Look, dict[int, V
             yield Look("inertia", f"arm_{i + 1}, arm_{j + 1}", text), {i: change, j: -change}
 
 
-def _lump_faults(lump: Lump, arm_to_joint: Vector) -> Iterator[tuple[str, str, Lump]]:
+def _lump_faults(lump: Lump, arm_to_joint: Vector, arm_to_standard: Vector) -> Iterator[tuple[str, str, Lump]]:
     """Name of the fault, its text for one arm, the body that it makes."""
     tensor, com = lump.tensor, lump.com
 
@@ -186,8 +192,10 @@ def _lump_faults(lump: Lump, arm_to_joint: Vector) -> Iterator[tuple[str, str, L
         for where, turned in (("arm", principal), ("joint", arm_to_joint.T @ principal @ arm_to_joint)):
             what = f"its principal moments stand in the {where}'s axes"
             yield f"{lost} ({what}, in the order {order})", f"{text} ({what})", body(turned)
-    what = "its tensor stands in the joint's axes"
-    yield f"{lost} ({what})", f"{text} ({what})", body(arm_to_joint.T @ tensor @ arm_to_joint)
+    for whose, turn in (("the joint's", arm_to_joint), ("another convention's", arm_to_standard)):
+        if float(np.max(np.abs(turn - np.eye(3)))) > 1e-9:
+            what = f"its tensor stands in {whose} axes"
+            yield f"{lost} ({what})", f"{text} ({what})", body(turn.T @ tensor @ turn)
     in_joint = arm_to_joint @ tensor @ arm_to_joint.T
     bare = arm_to_joint.T @ np.diag(np.diag(in_joint)) @ arm_to_joint
     text = "the products of inertia of {arm} in the joint's frame are left out"

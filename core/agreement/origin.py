@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # relative difference of two readings of one number
 SAME = 1.0e-12
+CONVERTED = "after the conversion from modified rows"
 _MOMENTS = PARAMETERS[4:]
 
 
@@ -84,12 +85,12 @@ def _converted(bare: Tables, database: Database) -> Iterator[str]:
         # axes are lines: direction, and distance of the one's point from the other's line
         off = float(np.linalg.norm(np.cross(told[1][i], got[2][i] - told[2][i])))
         if bare.kinds[i] == "revolute" and (off > 1e-9 or float(np.max(np.abs(told[1][i] - got[1][i]))) > 1e-9):
-            yield f"the axis of joint {i + 1} (kinematics.dat) stands otherwise after its conversion from modified rows"
+            yield f"the axis of joint {i + 1} (kinematics.dat) stands otherwise {CONVERTED}"
         a, b = (world_lump(tables.lumps[i][0], frames[0][i]) for tables, frames in ((bare, told), (read, got)))
         if float(np.max(np.abs(a.com - b.com))) > 1e-9 or a.mass != b.mass:
-            yield f"the center of mass of arm {i + 1} (inertia.dat) stands otherwise after its conversion from modified rows"
+            yield f"the center of mass of arm {i + 1} (inertia.dat) stands otherwise {CONVERTED}"
         elif float(np.max(np.abs(a.tensor - b.tensor))) > 1e-9 * float(np.max(np.abs(a.tensor))):
-            yield f"the inertia of arm {i + 1} (inertia.dat) is turned otherwise after its conversion from modified rows"
+            yield f"the inertia of arm {i + 1} (inertia.dat) is turned otherwise {CONVERTED}"
 
 
 def world_lump(lump: Lump, frame: Vector) -> Lump:

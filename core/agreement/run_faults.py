@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..simulation.backend import Vector
 from .compare import Order
 from .look import Look, brief
 from .runs import Run
@@ -55,13 +54,15 @@ def shift_text(late: float, scenario: Scenario, step: float) -> str:
     sense = "late" if late > 0 else "early"
     size = abs(late)
     told = f"the reference comes {brief(float(f'{size:.3g}'))} s {sense}"
-    for name, period in (("integration step", step), ("tick of the controller", 1.0 / scenario.control.rate)):
-        if period == step or not scenario.imposed:
-            for count in (1, 2):
-                if abs(size / period - count) < 0.1 * count:
-                    return f"{told}: {'one' if count == 1 else 'two'} {name}{'s' if count > 1 else ''}"
-            if abs(size / period - 0.5) < 0.05:
-                return f"{told}: half {'an' if name[0] == 'i' else 'a'} {name}"
+    periods = [("an integration step", "integration steps", step)]
+    if not scenario.imposed:
+        periods.insert(0, ("a tick of the controller", "ticks of the controller", 1.0 / scenario.control.rate))
+    for one, many, period in periods:
+        for count, words in ((1.0, one.replace("an ", "one ").replace("a ", "one ")), (2.0, f"two {many}")):
+            if abs(size / period - count) < 0.1 * count:
+                return f"{told}: {words}"
+        if abs(size / period - 0.5) < 0.05:
+            return f"{told}: half {one}"
     return told
 
 
@@ -73,8 +74,3 @@ def order_look(order: Order) -> Look:
     )
     meaning = "it converges to another robot" if order.order < 1.0 else "it is not the integrator it says it is"
     return Look("order", "robot", f"{text}; {meaning}")
-
-
-def command_residual(run: Run, q_cmd: Vector, dq_cmd: Vector, kp: Vector, kd: Vector) -> Vector:
-    """Motor torque less what the controller's law gives at each record, shape (m, n)."""
-    return run.tau - kp * (q_cmd - run.theta) - kd * (dq_cmd - run.dtheta)

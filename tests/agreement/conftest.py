@@ -94,9 +94,7 @@ def effect_tables(rng, kinds, modified):
         "joint_compliance": table(
             f"joint stiffness[{pair}] damping", [[str(i + 1), *rng.uniform(1e4, 9e4, 1), 200.0] for i in some]
         ),
-        "joint_spring": table(
-            "joint stiffness rest[deg|mm]", [[str(i + 1), *rng.uniform(10, 90, 2)] for i in other]
-        ),
+        "joint_spring": table("joint stiffness rest[deg|mm]", [[str(i + 1), *rng.uniform(10, 90, 2)] for i in other]),
         "viscous_friction": table("joint coefficient", [[str(i + 1), rng.uniform(1, 9)] for i in some]),
         "coulomb_friction": table("joint torque", [[str(i + 1), rng.uniform(1, 9)] for i in other]),
         "stribeck_friction": table("joint torque velocity", [[str(i + 1), rng.uniform(1, 4), 0.1] for i in other]),
@@ -112,7 +110,9 @@ def effect_tables(rng, kinds, modified):
             com, (xx, yy, zz, xy, xz, yz) = body(rng, 0.5, 0.2)
             x, y, z = com
             steiner = [y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z]
-            rows.append([str(i + 1), 0.5, *(0.5 * com), *(np.array([xx, yy, zz, xy, xz, yz]) + 0.5 * np.array(steiner))])
+            rows.append(
+                [str(i + 1), 0.5, *(0.5 * com), *(np.array([xx, yy, zz, xy, xz, yz]) + 0.5 * np.array(steiner))]
+            )
         tables["link_inertia"] = table("arm mass mx my mz Ixx Iyy Izz Ixy Ixz Iyz", rows)
     return tables
 

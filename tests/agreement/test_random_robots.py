@@ -8,7 +8,9 @@ from mbexport.core.agreement.quantities import STATICS
 
 
 def told(answer):
-    lines = [f"{f.scenario} {f.signal} {f.voices} {f.value:.1e} gate {f.gate:.1e}" for f in answer.figures if not f.passed]
+    lines = [
+        f"{f.scenario} {f.signal} {f.voices} {f.value:.1e} gate {f.gate:.1e}" for f in answer.figures if not f.passed
+    ]
     return "\n".join([*answer.sentences, *map(str, answer.left_out), *lines])
 
 
