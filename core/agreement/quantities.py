@@ -35,6 +35,8 @@ FEW = 8
 STRETCH = 1.0e-3
 # torques of a drive are judged by this part of the largest of all drives, or of 1 N m, where its own are smaller
 SMALL_TORQUE = 1.0e-6
+# and by this part of the arm's weight
+SMALL_LOAD = 1.0e-4
 # a load below this part of the largest is none
 WEIGHTLESS = 1.0e-9
 # fractions of a run's step over which acceleration is taken, and the weights that leave an error of third order
@@ -278,7 +280,11 @@ def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:
     if "drive_torque" in answers:
         # both sides of a joint together, so that rounding on the idle side does not count
         both = np.max(np.abs(answers["drive_torque"]), axis=0).reshape(2, -1).max(axis=0)
-        found["drive_torque"] = np.tile(np.maximum(both, SMALL_TORQUE * max(float(both.max()), 1.0)), 2)
+        least = np.full_like(both, SMALL_TORQUE * max(float(both.max()), 1.0))
+        if "gravity" in answers:
+            # some engines tell it beside the arms' weight only
+            least = np.maximum(least, SMALL_LOAD * np.max(np.abs(answers["gravity"]), axis=0))
+        found["drive_torque"] = np.tile(np.maximum(both, least), 2)
     if "acceleration" in answers:
         found["acceleration"] = np.max(np.abs(answers["acceleration"]), axis=0)
     return found
