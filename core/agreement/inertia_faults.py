@@ -80,10 +80,16 @@ def inertia_look(
         look = _gravity_vector(differences, seen)
         if look is not None:
             return look
+    found: list[tuple[float, Look]] = []
     for look, changes in _suspicions(model, robot):
         made = sum((differences.columns[i] @ change for i, change in changes.items()), np.zeros(len(seen)))
-        if float(np.linalg.norm(seen - made)) < EXPLAINED * size:
-            return look
+        left = float(np.linalg.norm(seen - made))
+        if left < EXPLAINED * size:
+            found.append((left, look))
+    if found:
+        # the simplest of those that explain it equally well
+        best = min(left for left, _ in found)
+        return next(look for left, look in found if left <= max(10.0 * best, 1e-9 * size))
     for effect in ("payload", "link_inertia"):
         if effect in without:
             bare = without[effect]()
