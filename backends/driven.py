@@ -36,6 +36,8 @@ class DrivenEngine(Engine):
         self._motion_at = compile_text(evaluate.motion_at)
         self._kinematic = False
         self._t = 0.0
+        # the state at this instant, where somebody has asked for it
+        self._seen: MachineState | None = None
         self._evaluated = False
 
     def motor_inertia(self) -> Vector:
@@ -73,6 +75,7 @@ class DrivenEngine(Engine):
         self.command[:] = 0.0
         self.drives.reset(state)
         self._start(state)
+        self._seen = None
 
     def hold(self, torque: Vector) -> None:
         """As the contract says."""
@@ -97,6 +100,7 @@ class DrivenEngine(Engine):
             return
         self._integrate(duration, steps)
         self._t += duration
+        self._seen = None
 
     def state(self) -> MachineState:
         """As the contract says."""
@@ -110,6 +114,8 @@ class DrivenEngine(Engine):
         rigid = ~self.elastic
         state.q[rigid], state.dq[rigid] = theta[rigid], dtheta[rigid]
         state.theta, state.dtheta = theta, dtheta
+        # the arrays handed out are the caller's to change
+        self._seen = MachineState(self._t, state.q.copy(), state.dq.copy(), theta.copy(), dtheta.copy())
         return state
 
     def friction(self) -> Vector:
@@ -132,7 +138,7 @@ class DrivenEngine(Engine):
 
     def _evaluate(self, *, accept: bool = False) -> None:
         """The drives' torques at the state that is."""
-        state = self.state()
+        state = self._seen or self.state()
         drives = self.drives
         arguments = (self._t, state.q, state.dq, state.theta, state.dtheta)
         if drives.needs_load and self._imposed is None:

@@ -114,7 +114,8 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
                 f"largest eigenvalue is {stiff:.4g} 1/s; {_nice(backend.stable / stiff)!r} s or less is stable."
             )
         return step
-    smooth = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=False)
+    sticks = any(stage.drive.stick for stage in robot.stages)
+    smooth = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=False) if sticks else stiff
     limits = [backend.largest_step]
     limits += [ACCURATE / smooth] if smooth > 0.0 else []
     limits += [min(BRISTLE, MARGIN * backend.stable) / stiff] if stiff > smooth else []
