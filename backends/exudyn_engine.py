@@ -28,7 +28,7 @@ class ExudynEngine(DrivenEngine):
         super().__init__(DriveSheet.from_data(script["DRIVES"]))
         self._script = script
         self._arms = script["build"]("none")
-        self._motor: list[int] = script["motor_coordinates"](True)
+        self._motor = np.array(script["motor_coordinates"](True))
         self._models: dict[bool, _Driven] = {}
         self._running: _Driven | None = None
 
