@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -51,8 +52,9 @@ def command(
     as_json: bool,
 ) -> None:
     """Run a robot in one engine and write the run: what a simulated robot records."""
-    from ..control import Control, read_control, read_noise
-    from ..errors import UsageError
+    from ..control import Control, read_control, read_locked, read_noise, read_payload
+    from ..effects import EffectRow, effect_named
+    from ..errors import RefusedError, UsageError
     from ..motion import motion_named
     from ..simulation import simulate
 
@@ -60,11 +62,18 @@ def command(
     built = build_robot(database, level, with_)
     law = motion_named(built, motion, database=database)
     rules = read_control(control, built.n) if control else Control()
+    hanging = read_payload(control) if control else {}
+    if hanging:
+        built = effect_named("payload").apply(built, (EffectRow(0, hanging),))
+    if control and read_locked(control):
+        raise RefusedError(f"{control}: locked joints cannot be simulated; leave `locked` out to run the robot free.")
     if noise and control is None:
         raise UsageError("--noise takes its sizes from the log.yaml of --control; give one.")
     trace = simulate(built, backend, law, rules, duration=duration, rate=rate, progress=on_terminal())
     if noise and control is not None:
         trace = trace.with_noise(read_noise(control, built.n), seed)
+    if hanging:
+        trace = replace(trace, facts={**trace.facts, "payload": hanging})
     trace.write(output, force=force)
     if as_json:
         print_json({"output": str(output), "warnings": list(trace.warnings), **trace.facts})

@@ -102,7 +102,11 @@ def command(
     )
     if count is not None and len(study.design) != count and not as_json:
         click.echo(f"{sample}: {len(study.design)} variants make whole blocks of {study.design.block}")
-    outcomes = run_study(study, output, workers=workers, dask=dask, force=force, progress=on_terminal())
+    try:
+        outcomes = run_study(study, output, workers=workers, dask=dask, force=force, progress=on_terminal())
+    except KeyboardInterrupt:
+        click.echo(f"\nmbexport: stopped; what is finished is kept, the same command goes on in {output}.", err=True)
+        raise
     results = results_of(study, outcomes)
     write_study(results, output)
     summary = results.summary()

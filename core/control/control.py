@@ -167,3 +167,49 @@ def _numbers(value: Any, n: int, key: str, wrong: _Faults, *, infinite: bool = F
         if number < 0.0 or (math.isinf(number) and not infinite):
             wrong(key, number, f"joint {joint}: must be 0 or more{'' if infinite else ', and finite'}")
     return numbers
+
+
+def read_payload(path: Path) -> dict[str, float]:
+    """What a log.yaml declares to hang at the last arm: column of the effect payload -> value in SI; {} for nothing.
+
+    Raises:
+        RunFileError: With all problems.
+    """
+    from ..effects import effect_named
+
+    log = read_log(path)
+    part = log.data.get("payload")
+    if part is None:
+        return {}
+    if not isinstance(part, Mapping):
+        raise RunFileError((log.problem("payload", part, "must be a mapping, e.g. payload: {mass: 2.5, z: 0.1}"),))
+    columns = effect_named("payload").columns
+    known = {column.name for column in columns}
+    problems: list[Problem] = []
+    values = {column.name: column.default or 0.0 for column in columns}
+    for key, value in cast("Mapping[Any, Any]", part).items():
+        if key not in known:
+            problems.append(log.problem(f"payload.{key}", value, f"unknown key; known are {', '.join(sorted(known))}"))
+        elif not isinstance(value, float) or not math.isfinite(value) or (key == "mass" and value < 0.0):
+            problems.append(log.problem(f"payload.{key}", value, "must be a number, a mass 0 or more"))
+        else:
+            values[str(key)] = value
+    if problems:
+        raise RunFileError(problems)
+    return values if any(values.values()) else {}
+
+
+def read_locked(path: Path) -> tuple[int, ...]:
+    """Numbers of the joints (from 1) whose arm side a log.yaml says is clamped.
+
+    Raises:
+        RunFileError: It is no list of joints' numbers.
+    """
+    log = read_log(path)
+    part: Any = log.data.get("locked") or []
+    joints: list[int] = []
+    for item in cast("list[Any]", part) if isinstance(part, list) else [None]:
+        if not isinstance(item, float) or item != int(item) or item < 1:
+            raise RunFileError((log.problem("locked", part, "must be a list of joints' numbers, e.g. locked: [1, 2]"),))
+        joints.append(int(item))
+    return tuple(joints)
