@@ -1,6 +1,6 @@
 """What the number of joints costs: emission in every format and simulation in every engine, 6 to 48 joints.
 
-    python benchmarks/scaling.py
+python benchmarks/scaling.py
 """
 
 from __future__ import annotations

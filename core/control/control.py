@@ -209,7 +209,7 @@ def read_locked(path: Path) -> tuple[int, ...]:
     part: Any = log.data.get("locked") or []
     joints: list[int] = []
     for item in cast("list[Any]", part) if isinstance(part, list) else [None]:
-        if not isinstance(item, float) or item != int(item) or item < 1:
+        if not isinstance(item, float) or not item.is_integer() or item < 1:
             raise RunFileError((log.problem("locked", part, "must be a list of joints' numbers, e.g. locked: [1, 2]"),))
         joints.append(int(item))
     return tuple(joints)
