@@ -266,13 +266,15 @@ def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:
     weigh as much as the shoulder.
     """
     found: dict[str, Vector] = {}
+    weight: Vector | float = 1.0
     if "mass_matrix" in answers:
         diagonal = np.sqrt(np.abs(np.einsum("kii->ki", answers["mass_matrix"])))
         found["mass_matrix"] = diagonal[:, :, None] * diagonal[:, None, :]
         weight = np.max(diagonal, axis=0)
-        for name in ("gravity", "bias", "inverse_dynamics"):
-            if name in answers:
-                found[name] = weight * max(float(np.max(np.abs(answers[name]) / weight)), 1e-300)
+    for name in ("gravity", "bias", "inverse_dynamics"):
+        if name in answers:
+            largest = max(float(np.max(np.abs(answers[name]) / weight)), 1e-300)
+            found[name] = np.broadcast_to(weight * largest, answers[name].shape[-1:])
     if "static_sag" in answers:
         found["static_sag"] = np.full(answers["static_sag"].shape[-1], np.max(np.abs(answers["static_sag"])))
     if "motor_inertia" in answers:

@@ -158,8 +158,8 @@ def test_units():
 
 def test_it_says_what_it_cannot_read(tmp_path, two_arms):
     (two_arms / "effects").mkdir()
-    (two_arms / "effects" / "link_flexibility.dat").write_text("arm ku kv\n1 1 1\n")
-    with pytest.raises(UnreadError, match="link_flexibility"):
+    (two_arms / "effects" / "warmth.dat").write_text("arm kelvin\n1 1\n")
+    with pytest.raises(UnreadError, match="warmth"):
         read(two_arms)
     assert read(two_arms, []).n == 2
 
