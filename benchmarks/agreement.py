@@ -12,7 +12,9 @@ import sys
 import time
 
 import mbexport
-from mbexport.core.agreement import Agreement
+from mbexport.core.agreement import Agreement, Figure
+from mbexport.core.agreement.quantities import STATICS
+from mbexport.core.agreement.scenarios import SCENARIOS
 from mbexport.core.database import built_in
 
 
@@ -23,25 +25,21 @@ def levels(robot: str) -> tuple[str, ...]:
 
 def tell(agreement: Agreement) -> None:
     """A line a signal: the pair that takes most of its gate."""
-    data = agreement.to_json()
-    voices = ", ".join(voice["name"] for voice in data["voices"])
-    print(f"  {len(data['figures'])} comparisons of {voices}")
-    for left in data["left_out"]:
-        print(f"  left out: {left}")
-    worst: dict[tuple[str, str, str], dict] = {}
-    for figure in data["figures"]:
-        key = (figure["scenario"], figure["signal"], figure["manner"])
-        taken = figure["value"] / figure["gate"]
-        if key not in worst or taken > worst[key]["value"] / worst[key]["gate"]:
+    print(f"  {len(agreement.figures)} comparisons of {', '.join(voice.name for voice in agreement.voices)}")
+    for left in agreement.left_out:
+        print(f"  left out: {left.voice} in {left.scenario}: {left.reason}")
+    worst: dict[tuple[str, str, str], Figure] = {}
+    for figure in agreement.figures:
+        key = (figure.scenario, figure.signal, figure.manner)
+        if key not in worst or figure.value / figure.gate > worst[key].value / worst[key].gate:
             worst[key] = figure
     for (scenario, signal, manner), figure in sorted(worst.items()):
-        state = "" if figure["passed"] else "  BEYOND"
-        pair = " - ".join(figure["voices"])
-        share = f"{figure['value']:>9.1e} of {figure['gate']:>8.1e}"
-        print(f"    {scenario:<18} {signal:<18} {manner:<14} {share}  {pair}{state}")
-    for order in data["orders"]:
-        judged = "" if order["judged"] else " (too near its floor to judge)"
-        print(f"    {order['scenario']:<18} order of {order['voice']:<8} {order['order']:.3f}{judged}")
+        state = "" if figure.passed else "  BEYOND"
+        share = f"{figure.value:>9.1e} of {figure.gate:>8.1e}"
+        print(f"    {scenario:<18} {signal:<18} {manner:<14} {share}  {' - '.join(figure.voices)}{state}")
+    for order in agreement.orders:
+        judged = "" if order.judged else " (too near its floor to judge)"
+        print(f"    {order.scenario:<18} order of {order.voice:<8} {order.order:.3f}{judged}")
 
 
 def main() -> None:
@@ -50,7 +48,7 @@ def main() -> None:
     for robot in sys.argv[1:] or built_in():
         for level in levels(robot):
             began = time.perf_counter()
-            agreement = mbexport.agree(robot, level=level)
+            agreement = mbexport.agree(robot, level=level, quantities=(*STATICS, *SCENARIOS))
             print(f"{robot} at level {level}: {'agrees' if agreement.agreed else 'DISAGREES'}")
             tell(agreement)
             for sentence in agreement.sentences:
