@@ -5,7 +5,6 @@ from .parameter import Parameter, parse_vary
 from .results import Results, results_of
 from .run import run_study
 from .study import Study, plan_study
-from .table import frame
 
 __all__ = [
     "Design",
@@ -14,7 +13,6 @@ __all__ = [
     "Sampling",
     "Study",
     "design",
-    "frame",
     "parse_vary",
     "plan_study",
     "results_of",

@@ -111,6 +111,8 @@ def _samples(parameters: tuple[Parameter, ...], sampling: Sampling, count: int |
         raise UsageError(f"--seed {seed}: it must not be below 0.")
     problem = problem_of(free)
     block = {"sobol": len(free) + 2, "morris": len(free) + 1}.get(sampling, 1)
+    # what comes last needs it too
+    salib("analyze")
     if sampling == "random":
         unit = np.random.default_rng(seed).uniform(size=(count, len(free)))
     elif sampling == "lhs":

@@ -15,9 +15,11 @@ from .experiment import NOMINAL, Outcome
 from .figures import figure_names
 from .ledger import INDICES_FILE, STUDY_FILE, TABLE_FILE
 from .sensitivity import Sensitivity, sensitivities
-from .table import parquet
+from .table import frame, parquet
 
 if TYPE_CHECKING:
+    import pandas
+
     from .study import Study
 
 Array = NDArray[np.float64]
@@ -42,6 +44,10 @@ class Results:
     nominal: Outcome
     figures: Mapping[str, Array]
     sensitivities: tuple[Sensitivity, ...]
+
+    def frame(self) -> pandas.DataFrame:
+        """The table: a row a variant, its parameters (SI), its figures, what failed and why."""
+        return frame(self.study, self.outcomes)
 
     def nominal_figures(self) -> dict[str, float]:
         """Figures of the database as it stands; empty where it did not run."""

@@ -12,7 +12,7 @@ import pytest
 
 from mbexport.core.errors import UsageError
 from mbexport.core.report.study import write_study
-from mbexport.core.study import frame, results_of, run_study
+from mbexport.core.study import results_of, run_study
 from mbexport.core.study.experiment import NOMINAL, Experiment, Outcome
 from mbexport.core.study.study import Study
 
@@ -133,7 +133,7 @@ def test_failed_variants_are_rows_with_their_reason(small, tmp_path):
     study = small("inertia.Izz[SI]@arm_1=0.06,0.05", "inertia.mass[kg]@arm_2=-1,1")
     outcomes = run_study(study, tmp_path, workers=1)
     results = results_of(study, outcomes)
-    table = frame(study, results.outcomes)
+    table = results.frame()
     assert table["failed"].tolist() == ["refused", "refused", "refused", ""]
     assert table["reason"].str.contains("mass is above zero").tolist() == [False, False, True, False]
     assert np.isnan(table["tip_rms"].to_numpy()[:3]).all()
