@@ -95,7 +95,14 @@ def expanded(robot: Robot, *, imposed: bool) -> Expansion:
         driven.append(len(stages))
         new, before = _expanded_stage(robot, i, before @ robot.joint_in_previous(i), imposed)
         stages += new
-    return Expansion(replace(robot, stages=tuple(stages)), tuple(driven))
+    factors = {name: _spread(getattr(robot, name), driven, len(stages)) for name in ("kp_factor", "kd_factor")}
+    return Expansion(replace(robot, stages=tuple(stages), **factors), tuple(driven))
+
+
+def _spread(factors: tuple[float, ...], driven: list[int], n: int) -> tuple[float, ...]:
+    """Factors of the driven joints as those of all; the others get 1."""
+    by_place = dict(zip(driven, factors, strict=True)) if factors else {}
+    return tuple(by_place.get(i, 1.0) for i in range(n)) if factors else ()
 
 
 def _expanded_stage(robot: Robot, i: int, placed: Pose, imposed: bool) -> tuple[list[Stage], Pose]:
