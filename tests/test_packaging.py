@@ -106,7 +106,8 @@ def test_dependencies_are_those_imported():
     # extras that only some users need
     optional = {
         requirement.split(">")[0].split("=")[0]
-        for requirement in PROJECT["project"]["optional-dependencies"]["parquet"]
+        for extra in ("parquet", "conformance")
+        for requirement in PROJECT["project"]["optional-dependencies"][extra]
     }
     for top in ("core", "backends"):
         for path in (ROOT / top).rglob("*.py"):

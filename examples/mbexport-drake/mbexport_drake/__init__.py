@@ -1,0 +1,1 @@
+"""A backend for mbexport: SDF, run by Drake."""
