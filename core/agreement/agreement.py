@@ -18,7 +18,16 @@ from ..representation import Robot
 from ..simulation.backend import Backend, Engine, Program, Vector
 from ..simulation.backends import backend_named, backend_names
 from ..simulation.step import choose_step
-from .compare import Figure, Order, compare_commands, compare_motions, compare_runs, compare_statics, orders
+from .compare import (
+    Figure,
+    Order,
+    compare_commands,
+    compare_knots,
+    compare_motions,
+    compare_runs,
+    compare_statics,
+    orders,
+)
 from .compare import plainly_controlled as _plainly_controlled
 from .convergence import Convergence, convergence
 from .culprit import TABLES, Evidence, Finding, find
@@ -129,18 +138,18 @@ class Agreement:
 
     @property
     def agreed(self) -> bool:
-        """Every figure is within its gate, every order is what it should be, and every export could be loaded."""
+        """Something was compared, every figure is within its gate, every order is right, every export could be run."""
         passed = all(figure.passed for figure in self.figures) and all(order.passed for order in self.orders)
-        return passed and not self.findings
+        return bool(self.figures) and passed and not self.findings
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The findings in words; where there are none, that all agree and how closely."""
+        if not self.figures and not self.findings:
+            return ("Nothing could be compared: fewer than two voices took part.",)
         if not self.agreed:
             return tuple(finding.sentence for finding in self.findings)
         engines = sum(voice.name != TABLES for voice in self.voices)
-        if not self.figures:
-            return ("Nothing could be compared: fewer than two voices took part.",)
         worst = max(self.figures, key=lambda figure: figure.value / figure.gate)
         share = 100.0 * worst.value / worst.gate
         tables = " and the text of its tables" if engines < len(self.voices) else ""
@@ -338,6 +347,10 @@ def _compared(
         except UnreadError as error:
             left_out.append(Omission(TABLES, "static_sag", str(error)))
             answers[TABLES] = ask_tables(subject.tables, states, [name for name in statics if name != "static_sag"])
+        silent = [name for name in statics if name not in answers[TABLES]]
+        if silent and subject.tables.drives_unsaid:
+            reason = f"it does not read {', '.join(subject.tables.drives_unsaid)}"
+            left_out.append(Omission(TABLES, ", ".join(silent), reason))
     able: list[Backend] = []
     not_loaded: dict[str, str] = {}
     for backend in backends:
@@ -382,6 +395,8 @@ def _compared(
         figures += compare_runs(scenario, of_scenario, size)
         if subject.tables is not None and _plainly_controlled(scenario):
             figures += compare_commands(scenario, of_scenario, TABLES)
+        elif subject.tables is not None and scenario.imposed:
+            figures += compare_knots(scenario, of_scenario, subject.tables, TABLES)
         found_orders += orders(scenario, of_scenario)
     labels = {TABLES: "the tables' text"} if subject.tables is not None else {}
     labels |= {backend.name: f"{backend.name} ({backend.engine})" for backend in able}

@@ -20,6 +20,8 @@ from .scenarios import Scenario
 
 # joints whose torque stays below this part of the largest are judged by that part
 SMALL = 1.0e-3
+# two instants closer than this are one [s]
+INSTANT = 1.0e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +165,9 @@ def compare_runs(scenario: Scenario, runs: Sequence[Run], reach: float) -> list[
         figures.append(Figure(scenario.name, scenario.tip, pair, value, gate.value, gate.manner, at, t))
         if any(scenario.elastic):
             bend = limit("deflection", manners, reach=reach, step=step)
-            value, allowed, at, t = _worst_deflection(a, b, bend.value, bend.absolute)
+            slides = np.array([stage.joint.kind == "prismatic" for stage in scenario.robot.stages])
+            absolute = bend.absolute * np.where(slides, reach / PAPER_REACH, 1.0)
+            value, allowed, at, t = _worst_deflection(a, b, bend.value, absolute)
             figures.append(Figure(scenario.name, "deflection", pair, value, allowed, bend.manner, at, t))
         elif not scenario.integrated:
             torque = limit("imposed_torque", manners, reach=reach, step=step)
@@ -200,7 +204,7 @@ def _worst_tip(a: Run, b: Run, reach: float, scenario: Scenario) -> tuple[str, f
     return (joint(int(moved.argmax())) if moved.any() else ""), float(distance[k]), float(a.t[k])
 
 
-def _worst_deflection(a: Run, b: Run, relative: float, absolute: float) -> tuple[float, float, str, float]:
+def _worst_deflection(a: Run, b: Run, relative: float, absolute: Vector) -> tuple[float, float, str, float]:
     """Relative difference, its gate, joint, time [s]: where the difference over its gate is largest."""
     bent_a, bent_b = a.q_link - a.theta, b.q_link - b.theta
     if not np.isfinite(bent_a + bent_b).all():
@@ -211,7 +215,7 @@ def _worst_deflection(a: Run, b: Run, relative: float, absolute: float) -> tuple
     if peak[i] == 0.0:
         # a rigid joint among elastic ones
         return float(ratio[k, i] * relative), relative, joint(i), float(a.t[k])
-    gate = relative + absolute / float(peak[i])
+    gate = relative + float(absolute[i] / peak[i])
     return float(ratio[k, i] * gate), gate, joint(i), float(a.t[k])
 
 
@@ -256,6 +260,30 @@ def compare_commands(scenario: Scenario, runs: Sequence[Run], voice: str) -> lis
         value = float(error[k, i]) if np.isfinite(error).all() else math.inf
         pair = (voice, run.voice)
         figures.append(Figure(scenario.name, signal, pair, value, gate.value, "algebra", joint(i), float(run.t[k])))
+    return figures
+
+
+def compare_knots(scenario: Scenario, runs: Sequence[Run], tables: Tables, voice: str) -> list[Figure]:
+    """What the motor sides followed of a motion of the database, held against its table's text at its knots."""
+    reported = any(stage.sensor.position_offset for stage in scenario.robot.stages)
+    if scenario.motion_name not in tables.motions or reported:
+        return []
+    knots, positions = tables.motions[scenario.motion_name]
+    judged = np.array(scenario.elastic)
+    figures: list[Figure] = []
+    for run in runs:
+        if run.half or run.manner == "extrapolated" or not judged.any():
+            continue
+        nearest = np.clip(np.searchsorted(run.t, knots - INSTANT), 0, len(run.t) - 1)
+        met = np.abs(run.t[nearest] - knots) < INSTANT
+        if not met.any():
+            continue
+        error = np.where(judged, np.abs(run.theta[nearest[met]] - positions[met]), 0.0)
+        k, i = (int(x) for x in np.unravel_index(int(np.argmax(error)), error.shape))
+        gate = limit("followed", ("algebra", "algebra"), reach=PAPER_REACH, step=0.0)
+        value = float(error[k, i]) if np.isfinite(error).all() else math.inf
+        t = float(knots[met][k])
+        figures.append(Figure(scenario.name, "followed", (voice, run.voice), value, gate.value, "algebra", joint(i), t))
     return figures
 
 

@@ -331,6 +331,9 @@ def _command_look(scenario: Scenario, odd: Run, signal: str) -> Look:
     """Motion or torque against the command as the fifth voice has it."""
     start, turn = exercise_ends(scenario.robot, scenario.duration)
     q, dq = out_and_back(odd.t, start, turn, scenario.duration)
+    if scenario.motion_name != "exercise":
+        # only knots are known of it: the law itself is what was meant between them
+        q = scenario.motion.at(odd.t)[0]
     if signal == "followed":
         late = time_shift(odd, replace(odd, theta=q, q_link=q))
     else:

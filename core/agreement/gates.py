@@ -38,7 +38,7 @@ class Gate:
         first: Limit where a first-order integrator takes part, at `first_step`; grows with the step.
         first_step: The step [s] that `first` is for; 0: any.
         extrapolated: Limit for that integrator extrapolated from two steps.
-        absolute: Added to a relative limit [m or rad]; it scales with reach.
+        absolute: Added to a relative limit [rad, or m at PAPER_REACH].
         reached: What was reached when it was set, and how.
     """
 
@@ -107,7 +107,7 @@ class Limit:
 
     Attributes:
         value: In the signal's unit; of relative signals a plain number.
-        absolute: Added to a relative limit [m or rad].
+        absolute: Added to a relative limit [rad, or m at PAPER_REACH].
         manner: The less exact of the two, which decides.
     """
 
@@ -128,8 +128,7 @@ def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: fl
             narrower of the two.
     """
     gate = GATES[signal]
-    scale = reach / PAPER_REACH
-    lengths = scale if gate.unit == "m" else 1.0
+    lengths = reach / PAPER_REACH if gate.unit == "m" else 1.0
     values: dict[Manner, tuple[float, float]] = {
         "algebra": (gate.explicit, gate.absolute),
         "explicit": (gate.explicit, gate.absolute),
@@ -141,7 +140,7 @@ def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: fl
     rough = rough or list(manners)
     worse = max(rough, key=lambda manner: values[manner][0])
     absolute = max(values[manner][1] for manner in rough)
-    return Limit(values[worse][0] * lengths, absolute * scale, worse)
+    return Limit(values[worse][0] * lengths, absolute, worse)
 
 
 def manner_of(backend: Backend) -> Manner:

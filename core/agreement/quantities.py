@@ -212,10 +212,11 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
     """
     sag = np.zeros(engine.n)
     fixed: set[int] = set()
-    for j in np.flatnonzero(play):
-        sag[j] = _closed(engine, theta, int(j))
+    played = set(np.flatnonzero(play).tolist())
+    for j in sorted(played):
+        sag[j] = _closed(engine, theta, j)
         if sag[j] == 0.0:
-            fixed.add(int(j))
+            fixed.add(j)
     free = np.array([j for j in np.flatnonzero(elastic) if j not in fixed], dtype=np.int64)
     if not len(free):
         return sag
@@ -230,8 +231,8 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
         now = unbalance(sag)
         slope = np.empty((len(free), len(free)))
         for column, j in enumerate(free):
-            # away from the clearance that a spring may have, within which it has no slope
-            shift = math.copysign(1e-5, sag[j])
+            # short beside what a contact gives, whose play has no slope
+            shift = 1e-8 if j in played else 1e-5
             shifted = sag.copy()
             shifted[j] += shift
             slope[:, column] = (unbalance(shifted) - now) / shift

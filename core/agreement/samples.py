@@ -140,7 +140,7 @@ _ROWS: dict[str, Callable[[_Sizes], Rows]] = {
         lambda s, i: {"torque": 0.06 * float(s.torque[i]), "velocity": 0.1 * float(s.unit[i])}
     ),
     "torque_constant": _by_joint(lambda s, i: {"gain": 0.9}),
-    "torque_limit": _by_joint(lambda s, i: {"torque": 1.3 * float(s.torque[i])}),
+    "torque_limit": _by_joint(lambda s, i: {"torque": 2.0 * float(s.torque[i])}),
     "torque_offset": _by_joint(lambda s, i: {"torque": 0.05 * float(s.torque[i])}),
     "torque_ripple": _by_joint(
         lambda s, i: {"amplitude": 0.05 * float(s.torque[i]), "cycles": 12.0 / float(s.unit[i]), "phase": 0.4}
