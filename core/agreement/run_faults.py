@@ -36,7 +36,8 @@ def run_look(scenario: Scenario, odd: Run, trusted: Run) -> Look:
 def time_shift(odd: Run, trusted: Run) -> float | None:
     """By how much the odd run is late [s] (early: negative), where that explains the difference."""
     for seen, expected in ((odd.theta, trusted.theta), (odd.q_link, trusted.q_link)):
-        speed = np.gradient(expected, trusted.t, axis=0)
+        # the mean of both stands in the middle of the shift, where its first order is all there is of it
+        speed = np.gradient(0.5 * (seen + expected), trusted.t, axis=0)
         weight = 1.0 / np.maximum(np.max(np.abs(speed), axis=0), 1e-300)
         difference, by = ((seen - expected) * weight).ravel(), (speed * weight).ravel()
         energy = float(difference @ difference)
