@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .errors import RefusedError
+from .errors import RefusedError, UsageError
 from .expansion import expanded
 from .files import write_whole
 from .representation import Robot
@@ -42,6 +42,7 @@ def export(
     *,
     motion: MotionLaw | None = None,
     control: Control | None = None,
+    meshes: Path | None = None,
     strict: bool = False,
     force: bool = False,
 ) -> dict[str, Emission]:
@@ -53,6 +54,7 @@ def export(
         folder: Where to; with several backends each gets a folder of its name in it.
         motion: What an emitted script runs by itself; None: it holds home.
         control: Under which controller; None: the motion is imposed.
+        meshes: Folder that the robot's meshes are relative to (its database's); they are copied beside each model.
         strict: A datum that a format approximates or cannot say is an error.
         force: Write over files that are there.
 
@@ -66,13 +68,29 @@ def export(
     emissions = {name: emit(robot, backend_named(name), motion, control) for name in dict.fromkeys(backends)}
     if strict:
         _insist_on_exact(emissions)
-    files: dict[str, str] = {}
+    files: dict[str, str | bytes] = {}
+    pictures = _mesh_files(robot, meshes)
     for name, emission in emissions.items():
         prefix = f"{name}/" if len(emissions) > 1 else ""
+        files.update({prefix + path: content for path, content in pictures.items()})
         files.update({prefix + path: text for path, text in emission.files.items()})
         files[f"{prefix}{robot.name}.concepts.json"] = concept_report(robot, emission)
     write_whole(Path(folder), files, force=force)
     return emissions
+
+
+def _mesh_files(robot: Robot, folder: Path | None) -> dict[str, bytes]:
+    """The robot's meshes by their relative names; they must be there, since models refer to them."""
+    names = sorted({shape.mesh for stage in robot.stages for shape in stage.arm.shapes if shape.mesh})
+    if names and folder is None:
+        raise UsageError(f"{robot.name} has meshes ({names[0]} ...); say in which folder they are (meshes=...).")
+    files: dict[str, bytes] = {}
+    for name in names:
+        try:
+            files[name] = ((folder or Path()) / name).read_bytes()
+        except OSError as error:
+            raise UsageError(f"mesh {name!r} of {robot.name} cannot be read: {error.strerror}.") from error
+    return files
 
 
 def emit(robot: Robot, backend: Backend, motion: MotionLaw | None = None, control: Control | None = None) -> Emission:

@@ -41,21 +41,39 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         folder.mkdir(parents=True, exist_ok=True)
         staging = Path(tempfile.mkdtemp(prefix=".mbexport-", dir=folder))
         try:
-            staged: list[tuple[Path, Path]] = []
-            for number, (path, content) in enumerate(targets):
-                part = staging / str(number)
-                part.write_bytes(content)
-                staged.append((part, path))
-            for part, path in staged:
-                path.parent.mkdir(parents=True, exist_ok=True)
-                part.replace(path)
+            for number, (_, content) in enumerate(targets):
+                (staging / str(number)).write_bytes(content)
+            _move_all(staging, [path for path, _ in targets])
         finally:
             shutil.rmtree(staging, ignore_errors=True)
-    except OSError as error:
+    except BaseException as error:
+        # an interrupt leaves as little behind as a full disk does
         for path in made:
             shutil.rmtree(path, ignore_errors=True)
-        raise UsageError(f"cannot write into {folder}: {error.strerror or error}.") from error
+        if isinstance(error, OSError):
+            raise UsageError(f"cannot write into {folder}: {error.strerror or error}.") from error
+        raise
     return tuple(path for path, _ in targets)
+
+
+def _move_all(staging: Path, places: list[Path]) -> None:
+    """Move the files that were staged by number to their places; where one cannot be moved, put back what was there."""
+    moved: list[tuple[Path, Path | None]] = []
+    try:
+        for number, place in enumerate(places):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            old: Path | None = None
+            if place.exists():
+                old = staging / f"old-{number}"
+                place.replace(old)
+            moved.append((place, old))
+            (staging / str(number)).replace(place)
+    except BaseException:
+        for place, old in reversed(moved):
+            place.unlink(missing_ok=True)
+            if old is not None:
+                old.replace(place)
+        raise
 
 
 def _missing_parents(paths: list[Path]) -> list[Path]:

@@ -62,7 +62,9 @@ def command(
 
         rules = read_control(control, built.n)
     folder = output or Path(f"{built.name}-export")
-    emissions = export(built, wanted, folder, motion=law, control=rules, strict=strict, force=force)
+    emissions = export(
+        built, wanted, folder, motion=law, control=rules, meshes=database.folder, strict=strict, force=force
+    )
     if as_json:
         print_json(_facts(built, folder, emissions))
     else:
