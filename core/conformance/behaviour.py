@@ -111,8 +111,11 @@ def alone(subject: Subject) -> Refusals:
         for engine, model in engines:
             engine.reset(_start(model), None)
         for _ in range(STEPS):
+            # first all are told, then all move: what is kept for the process shows
             for engine, _ in engines:
-                _push(engine, 1)
+                engine.hold(_push_torque(engine))
+            for engine, _ in engines:
+                _push(engine, 1, hold=False)
         together = [_numbers(engine) for engine, _ in engines]
     for model, a, b in zip((one, two), expected, together, strict=True):
         must(np.array_equal(a, b), f"{model.name} runs otherwise beside another robot: {_apart(a, b)!r}.")
@@ -228,9 +231,13 @@ def _start(model: Robot) -> MachineState:
 def _push(engine: Engine, pieces: int, *, hold: bool = True) -> None:
     """Let it run for some milliseconds, under a torque that differs from joint to joint."""
     if hold:
-        engine.hold(np.linspace(1.0, 3.0, engine.n))
+        engine.hold(_push_torque(engine))
     for _ in range(pieces):
         engine.advance(PIECE, 20)
+
+
+def _push_torque(engine: Engine) -> Vector:
+    return np.linspace(1.0, 3.0, engine.n)
 
 
 def _run(engine: Engine, model: Robot) -> Vector:

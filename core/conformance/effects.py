@@ -17,7 +17,7 @@ from .subject import Subject, database
 from .together import compared
 
 ROBOT = "planar2r"
-# of a run with one effect [s]: long enough for its trace, for there are many effects
+# of a run [s] at most: long enough for an effect to show, for there are many of them
 DURATION = 0.5
 COMBINATIONS = 3
 TOGETHER = 5
@@ -46,4 +46,4 @@ def realised(subject: Subject, names: Sequence[str]) -> Refusals:
         told(subject, model)
     except RefusedError as error:
         must(any(name in str(error) for name in names), f"it refuses to emit and names none of {names}: {error}")
-    return compared(subject, source, (*STATICS, *SCENARIOS), duration=DURATION)
+    return compared(subject, source, (*STATICS, *SCENARIOS), duration=min(DURATION, subject.duration))
