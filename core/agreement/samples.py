@@ -140,7 +140,7 @@ _ROWS: dict[str, Callable[[_Sizes], Rows]] = {
         lambda s, i: {"torque": 0.06 * float(s.torque[i]), "velocity": 0.1 * float(s.unit[i])}
     ),
     "torque_constant": _by_joint(lambda s, i: {"gain": 0.9}),
-    "torque_limit": _by_joint(lambda s, i: {"torque": 2.0 * float(s.torque[i])}),
+    "torque_limit": _by_joint(lambda s, i: {"torque": 1.06 * float(s.torque[i])}),
     "torque_offset": _by_joint(lambda s, i: {"torque": 0.05 * float(s.torque[i])}),
     "torque_ripple": _by_joint(
         lambda s, i: {"amplitude": 0.05 * float(s.torque[i]), "cycles": 12.0 / float(s.unit[i]), "phase": 0.4}
@@ -173,7 +173,8 @@ def sampled(database: Database, names: Iterable[str]) -> Database:
     """The database with sample rows of these effects, and no others; no levels but full and rigid.
 
     joint_compliance and the bearing's own component about the joint's axis are the same spring: with both, the latter
-    is rigid.
+    is rigid. A torque limit leaves twice the room where other effects ask for torque too: an arm that is let down
+    falls, and how it falls no two integrators agree on for long.
 
     Raises:
         UsageError: No sample is known of an effect.
@@ -187,5 +188,9 @@ def sampled(database: Database, names: Iterable[str]) -> Database:
         tables["joint_compliance_6d"] = tuple(
             replace(row, values={**row.values, "kz" if slides[row.at] else "krz": math.inf})
             for row in tables["joint_compliance_6d"]
+        )
+    if "torque_limit" in tables and len(tables) > 1:
+        tables["torque_limit"] = tuple(
+            replace(row, values={**row.values, "torque": 2.0 * row.values["torque"]}) for row in tables["torque_limit"]
         )
     return replace(database, effects=FrozenMap(tables), levels=FrozenMap({}))
