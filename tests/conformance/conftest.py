@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -19,8 +20,9 @@ def installed(tmp_path_factory) -> Callable[[str], dict[str, str]]:
     """Name of an example -> an environment of processes in which it is installed."""
 
     def install(name: str) -> dict[str, str]:
-        pytest.importorskip("pip")
-        pytest.importorskip("setuptools", minversion="77")
+        for tool in ("pip", "setuptools"):
+            if find_spec(tool) is None:
+                pytest.skip(f"{tool} is not installed, and without it nothing else can be")
         source = tmp_path_factory.mktemp("source") / name
         site = tmp_path_factory.mktemp("site")
         # building leaves its traces beside the sources
