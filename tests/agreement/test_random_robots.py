@@ -6,6 +6,8 @@ from hypothesis import strategies as st
 from mbexport.core.agreement import agree
 from mbexport.core.agreement.quantities import STATICS
 
+ENGINES = ("urdf", "mjcf", "exudyn", "pybullet")
+
 
 def told(answer):
     lines = [
@@ -18,7 +20,7 @@ def told(answer):
 @given(st.integers(1, 8), st.integers(0, 2**32 - 1), st.booleans())
 def test_statics(random_database, tmp_path_factory, n, seed, integral):
     folder = random_database(tmp_path_factory.mktemp("robot"), seed, n, integral=integral)
-    answer = agree(folder, quantities=STATICS, states=12)
+    answer = agree(folder, ENGINES, quantities=STATICS, states=12)
     assert answer.agreed and not answer.left_out, told(answer)
     assert len(answer.voices) == 5
 
@@ -28,7 +30,7 @@ def test_statics(random_database, tmp_path_factory, n, seed, integral):
 def test_statics_of_modified_rows(random_database, tmp_path_factory, n, seed):
     effects = ("payload", "rotor_inertia", "joint_compliance")
     folder = random_database(tmp_path_factory.mktemp("robot"), seed, n, effects, modified=True)
-    answer = agree(folder, quantities=STATICS, states=12)
+    answer = agree(folder, ENGINES, quantities=STATICS, states=12)
     assert answer.agreed and not answer.left_out, told(answer)
 
 
@@ -37,6 +39,6 @@ def test_statics_of_modified_rows(random_database, tmp_path_factory, n, seed):
 def test_runs(random_database, tmp_path_factory, n, seed):
     effects = ("payload", "rotor_inertia", "joint_compliance", "joint_spring", "viscous_friction")
     folder = random_database(tmp_path_factory.mktemp("robot"), seed, n, effects)
-    answer = agree(folder, quantities=["rigid_loop", "compliant_motion"], duration=0.1)
+    answer = agree(folder, ENGINES, quantities=["rigid_loop", "compliant_motion"], duration=0.1)
     assert answer.agreed and not answer.left_out, told(answer)
     assert {figure.scenario for figure in answer.figures} == {"rigid_loop", "compliant_motion"}
