@@ -227,7 +227,15 @@ class Backend(ABC):
         Raises:
             RefusedError: The backend refuses this robot or this way of running it.
         """
+        self.insist_on(robot, program)
+        return self.load(self.emit(robot, program))
+
+    def insist_on(self, robot: Robot, program: Program | None) -> None:
+        """Nothing, where the backend can run the robot so.
+
+        Raises:
+            RefusedError: The backend refuses this robot or this way of running it.
+        """
         reason = self.refusal(robot, program)
         if reason is not None:
             raise RefusedError(f"{self.name} ({self.engine}) refuses {robot.name}: {reason}")
-        return self.load(self.emit(robot, program))

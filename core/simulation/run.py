@@ -76,9 +76,12 @@ def simulate(
     _check(robot, law, rules, length, rate, torque)
     imposed = rules.mode == "motion"
     whole = expanded(robot, imposed=imposed)
-    h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=whole.spread(poses_of(robot, law)), step=step)
     # the torques of a run come from the controller here; the engine's program only has to fit the robot
-    program = whole_program(whole, Program(law, replace(rules, feedforward="none"), length, h))
+    plan = Program(law, replace(rules, feedforward="none"), length, engine_backend.largest_step)
+    # what it refuses has no step either
+    engine_backend.insist_on(whole.robot, whole_program(whole, plan))
+    h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=whole.spread(poses_of(robot, law)), step=step)
+    program = whole_program(whole, replace(plan, step=h))
     engine = engine_backend.engine_for(whole.robot, program)
     try:
         times = _record_times(length, rate)

@@ -57,7 +57,13 @@ def largest_eigenvalue(robot: Robot, *, imposed: bool, poses: Vector, bristles: 
         if not (k.any() or b.any()):
             continue
         size = len(free)
-        system = np.block([[np.zeros((size, size)), np.eye(size)], [-np.linalg.solve(m, np.hstack([k, b]))]])
+        try:
+            forces = np.linalg.solve(m, np.hstack([k, b]))
+        except np.linalg.LinAlgError as error:
+            raise RefusedError(
+                f"{robot.name} has a joint that moves no inertia at all at q = {q.tolist()}: nothing can be integrated."
+            ) from error
+        system = np.block([[np.zeros((size, size)), np.eye(size)], [-forces]])
         largest = max(largest, float(np.max(np.abs(np.linalg.eigvals(system)))))
     return largest
 

@@ -1,0 +1,97 @@
+"""Every effect in every engine, alone and in three random sets, at the gates of the integrators' classes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mbexport.core.agreement import agree
+from mbexport.core.agreement.exercise import exercise
+from mbexport.core.agreement.samples import SAMPLED, sample_rows, sampled
+from mbexport.core.agreement.scenarios import gives
+from mbexport.core.build import build
+from mbexport.core.control import default_pd
+from mbexport.core.database import load
+from mbexport.core.effects import catalogue, effect_named
+from mbexport.core.errors import RefusedError, UsageError
+from mbexport.core.simulation import simulate
+
+ENGINES = ("urdf", "mjcf", "exudyn", "pybullet")
+DURATION = 0.15
+# engine to effects that it refuses by name: none does
+REFUSED = dict.fromkeys(ENGINES, ())
+# torques of engines of order four over their peak
+SAME_TORQUE = 1e-5
+
+
+@pytest.fixture(scope="module")
+def database():
+    return load("planar2r")
+
+
+def held_together(database, names):
+    """Agreement of all engines on a robot with these effects, in the runs where they act."""
+    subject = sampled(database, names)
+    robot = build(subject)
+    kinds = {term.kind for stage in robot.stages for term in stage.drive.terms}
+    rubs = bool(kinds & {"level", "resistance"}) or any(stage.drive.slips for stage in robot.stages)
+    runs = ["rigid_motion", "rigid_loop"]
+    if gives(robot):
+        runs = ["compliant_motion", "compliant_loop"]
+    if rubs:
+        runs = [*(["compliant_motion"] if gives(robot) else []), "friction_loop"]
+        runs += ["stick_loop"] if "level" in kinds else []
+    answer = agree(subject, ENGINES, quantities=runs, duration=DURATION)
+    assert [run.scenario for run in answer.runs] == runs
+    refused = {(omission.voice, omission.reason) for omission in answer.left_out if omission.voice in ENGINES}
+    assert answer.agreed, (answer.sentences, refused)
+    for scenario, found in answer.evidence.runs.values():
+        exact = [run for run in found if run.manner in ("explicit", "algebra")]
+        assert {run.voice for run in found} == set(ENGINES) - {voice for voice, _ in refused}, scenario.name
+        for run in exact[1:]:
+            peak = np.max(np.abs(exact[0].tau))
+            assert np.max(np.abs(run.tau - exact[0].tau)) < SAME_TORQUE * peak, (scenario.name, run.voice)
+    return refused
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_alone(database, name):
+    refused = held_together(database, [name])
+    assert {voice for voice, _ in refused} == {voice for voice in ENGINES if name in REFUSED[voice]}
+    assert all(name in reason for _, reason in refused)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_in_random_sets(database, seed):
+    names = np.random.default_rng(seed).choice(SAMPLED, 8, replace=False).tolist()
+    refused = held_together(database, names)
+    assert {voice for voice, _ in refused} == {voice for voice in ENGINES if set(names) & set(REFUSED[voice])}
+
+
+def test_the_catalogue_is_whole():
+    named = {effect for effect in catalogue() if type(effect_named(effect)).__module__.startswith("mbexport.core.")}
+    assert set(SAMPLED) == named
+    with pytest.raises(UsageError, match="no sample rows of effect 'warmth'"):
+        sample_rows(load("pendulum"), "warmth")
+
+
+@pytest.mark.parametrize("name", SAMPLED)
+def test_every_sample_shows(database, name):
+    bare, subject = build(sampled(database, [])), build(sampled(database, [name]))
+    control = default_pd(bare)
+    motion = exercise(bare, DURATION)
+    with_it, without = (simulate(robot, "urdf", motion, control) for robot in (subject, bare))
+    signals = ("q", "q_link", "tau", "tau_link")
+    shown = [np.max(np.abs(with_it.joints[signal] - without.joints[signal])) for signal in signals]
+    assert max(*shown, np.max(np.abs(with_it.tip - without.tip))) > 1e-5
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_cannot_run_is_refused_by_name(database, engine):
+    # without any inertia between torque and spring there is no equation for the motor side
+    weightless = replace(sampled(database, ["joint_compliance"]), dummy_inertia=0.0)
+    robot = build(weightless)
+    assert robot.stages[0].drive.inertia == 0.0
+    simulate(robot, engine, "hold", duration=0.01)
+    with pytest.raises(RefusedError, match=r"joint_compliance at joint_1|joint_1 is elastic"):
+        simulate(robot, engine, "hold", default_pd(robot), duration=0.01)
