@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..agreement import Agreement
+from ..agreement.convergence import Convergence
 from ..agreement.culprit import WORDS
 from ..agreement.runs import Run
 from ..agreement.scenarios import SCENARIOS
@@ -227,9 +228,12 @@ def order_picture(agreement: Agreement) -> Picture | None:
             axes.plot(steps, errors, "o-", color=colour, linewidth=1.6, markersize=size, alpha=0.85, label=told)
         axes.set_xscale("log")
         axes.set_yscale("log")
-        axes.set_xlabel("integration step [s]")
+        axes.set_xlabel("integration step [ms]")
         axes.set_title("error of the tool's position [m]")
-        _slopes(axes, study.points)
+        _slopes(axes, study, engines)
+        steps = sorted({step for _, step, _ in study.points})
+        axes.set_xticks(steps, [f"{1e3 * step:.3g}" for step in steps])
+        axes.minorticks_off()
         axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     caption = (
         f"{SCENARIOS[study.scenario].capitalize()}, {study.duration!r} s: largest error at the tool against the step, "
@@ -239,19 +243,22 @@ def order_picture(agreement: Agreement) -> Picture | None:
     return picture(figure, "Error against step on logarithmic axes, a line an engine", caption)
 
 
-def _slopes(axes: Any, points: Sequence[tuple[str, float, float]]) -> None:
-    """Guides of first and fourth order above the engines' lines."""
-    steps = np.array(sorted({step for _, step, _ in points}))
-    if len(steps) < 2:
-        return
+def _slopes(axes: Any, study: Convergence, engines: Sequence[str]) -> None:
+    """A guide of first and of fourth order above the lines of engines of about that order."""
+    steps = np.array(sorted({step for _, step, _ in study.points}))
     low, high = axes.get_ylim()
-    top = max(error for _, _, error in points)
-    for order, place in ((1, 0), (4, -2)):
-        line = 4.0 * top * (steps / steps[-1]) ** order
+    for order in (1, 4):
+        alike = [voice for voice in engines if ((study.order(voice) or 4.0) < 2.0) == (order == 1)]
+        points = [(step, error) for name, step, error in study.points if name in alike]
+        if not points or len(steps) < 2:
+            continue
+        last, top = max(points)
+        line = 5.0 * top * (steps / last) ** order
         axes.plot(steps, line, color="#9aa2ac", linewidth=0.9, linestyle=(0, (2, 2)))
-        at = (steps[place], line[place])
-        axes.annotate(f"order {order}", at, xytext=(0, 4), textcoords="offset points", color="#5b6470", ha="right")
-    axes.set_ylim(low, max(high, 40.0 * top))
+        at = (steps[-1], line[-1])
+        axes.annotate(f"order {order}", at, xytext=(-4, 3), textcoords="offset points", color="#5b6470", ha="right")
+        high = max(high, 10.0 * float(line[-1]))
+    axes.set_ylim(low, high)
 
 
 def _length(value: float) -> str:
