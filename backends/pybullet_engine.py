@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import locale
 import os
 import sys
 import tempfile
@@ -38,6 +39,20 @@ def quiet() -> Generator[None]:
                 os.close(copy)
 
 
+@contextmanager
+def decimal_points() -> Generator[None]:
+    """Numbers have a point while PyBullet's C code reads them.
+
+    In a process that speaks a language with decimal commas it takes 0.45 for 0, and says nothing.
+    """
+    before = locale.setlocale(locale.LC_NUMERIC)
+    locale.setlocale(locale.LC_NUMERIC, "C")
+    try:
+        yield
+    finally:
+        locale.setlocale(locale.LC_NUMERIC, before)
+
+
 class PybulletEngine(DrivenEngine):
     """The model that the emitted script loads. PyBullet steps the arms; the drives are stepped beside it, compiled."""
 
@@ -54,7 +69,7 @@ class PybulletEngine(DrivenEngine):
             for name, text in emission.files.items():
                 (Path(folder) / name).write_text(text, encoding="utf-8")
             self._script = run_script(emission.files[emission.main], str(Path(folder) / emission.main))
-            with quiet():
+            with quiet(), decimal_points():
                 try:
                     self._model = self._script["build"]()
                     self._script["mass_matrix"](self._model, [0.0] * len(self._model.joints))
