@@ -37,6 +37,8 @@ STRETCH = 1.0e-3
 SMALL_TORQUE = 1.0e-6
 # and by this part of the arm's weight
 SMALL_LOAD = 1.0e-4
+# what sags less [rad or m] is judged by this
+SMALL_SAG = 1.0e-6
 # a load below this part of the largest is none
 WEIGHTLESS = 1.0e-9
 # fractions of a run's step over which acceleration is taken, and the weights that leave an error of third order
@@ -244,7 +246,7 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
 
 
 def _closed(engine: Engine, theta: Vector, j: int) -> float:
-    """A sag of joint j at which its spring, beyond its play, holds the load; 0 where there is no load at theta."""
+    """The sag of joint j alone at which its spring holds the load beyond its play; 0 where there is no load."""
     still = np.zeros(engine.n)
 
     def unbalance(sag: float) -> float:
@@ -254,10 +256,13 @@ def _closed(engine: Engine, theta: Vector, j: int) -> float:
     pressing = unbalance(0.0)
     if abs(pressing) <= WEIGHTLESS * float(np.max(np.abs(engine.gravity(theta)))):
         return 0.0
-    sag = math.copysign(1e-6, pressing)
-    while abs(sag) < 1.0 and unbalance(sag) * pressing > 0.0:
-        sag *= 2.0
-    return sag
+    near, far = 0.0, math.copysign(1e-6, pressing)
+    while abs(far) < 1.0 and unbalance(far) * pressing > 0.0:
+        near, far = far, 2.0 * far
+    for _ in range(50):
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if unbalance(middle) * pressing > 0.0 else (near, middle)
+    return near
 
 
 def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:
@@ -277,7 +282,8 @@ def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:
             largest = max(float(np.max(np.abs(answers[name]) / weight)), 1e-300)
             found[name] = np.broadcast_to(weight * largest, answers[name].shape[-1:])
     if "static_sag" in answers:
-        found["static_sag"] = np.full(answers["static_sag"].shape[-1], np.max(np.abs(answers["static_sag"])))
+        most = max(float(np.max(np.abs(answers["static_sag"]))), SMALL_SAG)
+        found["static_sag"] = np.full(answers["static_sag"].shape[-1], most)
     if "motor_inertia" in answers:
         found["motor_inertia"] = np.max(np.abs(answers["motor_inertia"]), axis=0)
     if "drive_torque" in answers:

@@ -19,6 +19,7 @@ from ..errors import UsageError
 from ..kinematics import dynamics, reach
 from ..representation import Robot
 from ..simulation.backend import Vector
+from .scenarios import gives, rubs
 
 if TYPE_CHECKING:
     from ..database import Database
@@ -28,8 +29,10 @@ Rows = Mapping[int, Mapping[str, float]]
 
 ACCELERATION = 10.0
 # natural frequencies on the joint's inertia [Hz], damping ratio
-COMPLIANCE, BEARING, BENDING, COMPENSATOR = 12.0, 40.0, 25.0, 0.5
+COMPLIANCE, BEARING, BENDING, COMPENSATOR, CONTACT = 12.0, 40.0, 25.0, 0.5, 60.0
 DAMPING_RATIO = 0.05
+# of a contact: an arm that flaps in its play is chaotic, and no two engines flap alike for long
+CONTACT_DAMPING_RATIO = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,10 +76,10 @@ class _Sizes:
         return _Sizes(robot.n, slides, unit, inertia, torque, tilting, mass, arm_mass, length)
 
 
-def _spring(inertia: float, frequency: float) -> tuple[float, float]:
+def _spring(inertia: float, frequency: float, damping_ratio: float = DAMPING_RATIO) -> tuple[float, float]:
     """Stiffness and damping that give an inertia a natural frequency [Hz]."""
     w = 2.0 * math.pi * frequency
-    return inertia * w * w, 2.0 * DAMPING_RATIO * w * inertia
+    return inertia * w * w, 2.0 * damping_ratio * w * inertia
 
 
 def _by_joint(row: Callable[[_Sizes, int], Mapping[str, float]]) -> Callable[[_Sizes], Rows]:
@@ -86,6 +89,11 @@ def _by_joint(row: Callable[[_Sizes, int], Mapping[str, float]]) -> Callable[[_S
 def _compliance(s: _Sizes, i: int) -> Mapping[str, float]:
     k, b = _spring(float(s.inertia[i]), COMPLIANCE)
     return {"stiffness": k, "damping": b}
+
+
+def _play(s: _Sizes, i: int) -> Mapping[str, float]:
+    k, b = _spring(float(s.inertia[i]), CONTACT, CONTACT_DAMPING_RATIO)
+    return {"gap": 2.0e-3 * float(s.unit[i]), "stiffness": k, "damping": b}
 
 
 def _bearing(s: _Sizes) -> Rows:
@@ -106,7 +114,7 @@ def _bending(s: _Sizes) -> Rows:
 
 
 _ROWS: dict[str, Callable[[_Sizes], Rows]] = {
-    "backlash": _by_joint(lambda s, i: {"gap": 2.0e-3 * float(s.unit[i])}),
+    "backlash": _by_joint(_play),
     "base_tilt": lambda s: {0: {"roll": 0.03, "pitch": -0.02}},
     "controller_gain": _by_joint(lambda s, i: {"kp": 0.8, "kd": 1.2}),
     "coulomb_friction": _by_joint(lambda s, i: {"torque": 0.1 * float(s.torque[i])}),
@@ -167,6 +175,17 @@ def sample_rows(database: Database, name: str) -> tuple[EffectRow, ...]:
     columns = effect_named(name).columns
     defaults = {column.name: 0.0 if column.default is None else column.default for column in columns}
     return tuple(EffectRow(at, {**defaults, **values}) for at, values in sorted(rows.items()))
+
+
+def acting_runs(robot: Robot) -> tuple[str, ...]:
+    """Names of the runs (see scenarios.SCENARIOS) in which all that a robot has acts at once, and no more.
+
+    Rigid runs leave out what gives, and elastic ones what rubs, so that what rubs shows in the last ones alone.
+    """
+    sticks = any(term.kind == "level" for stage in robot.stages for term in stage.drive.terms)
+    if rubs(robot):
+        return ("friction_loop", "stick_loop") if sticks else ("friction_loop",)
+    return ("compliant_motion", "compliant_loop") if gives(robot) else ("rigid_motion", "rigid_loop")
 
 
 def sampled(database: Database, names: Iterable[str]) -> Database:

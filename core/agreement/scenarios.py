@@ -86,8 +86,6 @@ def scenarios(
     """
     rigid, compliant = as_rigid(robot), without_friction(robot)
     elastic = gives(robot)
-    rubs = any(term.kind in ("level", "resistance") for stage in robot.stages for term in stage.drive.terms)
-    rubs = rubs or any(stage.drive.slips for stage in robot.stages)
     calm = exercise(robot, duration)
     path, path_name = calm, "exercise"
     if elastic and {"compliant_motion", "compliant_loop"} & set(names):
@@ -107,7 +105,7 @@ def scenarios(
         made["compliant_loop"] = Scenario(
             "compliant_loop", compliant, path, path_name, default_pd(compliant), duration, "loop_tip", ELASTIC_STEP
         )
-    if rubs:
+    if rubs(robot):
         loop = default_pd(robot)
         made["friction_loop"] = Scenario(
             "friction_loop", smooth(robot), calm, "exercise", loop, duration, "friction_tip", ELASTIC_STEP
@@ -134,6 +132,14 @@ def _path(robot: Robot, calm: MotionLaw, duration: float, database: Database | N
 def gives(robot: Robot) -> bool:
     """Whether some joint, bearing or arm is elastic."""
     return any(stage.drive.spring or stage.mount or stage.bend for stage in robot.stages)
+
+
+def rubs(robot: Robot) -> bool:
+    """Whether some drive has friction beyond the linear one."""
+    return any(
+        stage.drive.slips or any(term.kind in ("level", "resistance") for term in stage.drive.terms)
+        for stage in robot.stages
+    )
 
 
 def as_rigid(robot: Robot) -> Robot:

@@ -7,11 +7,10 @@ import pytest
 
 from mbexport.core.agreement import agree
 from mbexport.core.agreement.exercise import exercise
-from mbexport.core.agreement.samples import SAMPLED, sample_rows, sampled
-from mbexport.core.agreement.scenarios import gives
+from mbexport.core.agreement.samples import SAMPLED, acting_runs, sample_rows, sampled
 from mbexport.core.build import build
 from mbexport.core.control import default_pd
-from mbexport.core.database import load
+from mbexport.core.database import FrozenMap, load
 from mbexport.core.effects import catalogue, effect_named
 from mbexport.core.errors import RefusedError, UsageError
 from mbexport.core.simulation import simulate
@@ -32,17 +31,9 @@ def database():
 def held_together(database, names):
     """Agreement of all engines on a robot with these effects, in the runs where they act."""
     subject = sampled(database, names)
-    robot = build(subject)
-    kinds = {term.kind for stage in robot.stages for term in stage.drive.terms}
-    rubs = bool(kinds & {"level", "resistance"}) or any(stage.drive.slips for stage in robot.stages)
-    runs = ["rigid_motion", "rigid_loop"]
-    if gives(robot):
-        runs = ["compliant_motion", "compliant_loop"]
-    if rubs:
-        runs = [*(["compliant_motion"] if gives(robot) else []), "friction_loop"]
-        runs += ["stick_loop"] if "level" in kinds else []
+    runs = acting_runs(build(subject))
     answer = agree(subject, ENGINES, quantities=runs, duration=DURATION)
-    assert [run.scenario for run in answer.runs] == runs
+    assert tuple(run.scenario for run in answer.runs) == runs
     refused = {(omission.voice, omission.reason) for omission in answer.left_out if omission.voice in ENGINES}
     assert answer.agreed, (answer.sentences, refused)
     for scenario, found in answer.evidence.runs.values():
@@ -59,6 +50,18 @@ def test_alone(database, name):
     refused = held_together(database, [name])
     assert {voice for voice, _ in refused} == {voice for voice in ENGINES if name in REFUSED[voice]}
     assert all(name in reason for _, reason in refused)
+
+
+def test_play_with_the_contact_that_it_gets_without_numbers(database):
+    rows = tuple(
+        replace(row, values={**row.values, "stiffness": np.inf, "damping": np.inf})
+        for row in sample_rows(database, "backlash")
+    )
+    subject = replace(database, effects=FrozenMap({"backlash": rows}), levels=FrozenMap({}))
+    answer = agree(subject, ENGINES, quantities=["compliant_loop"], duration=DURATION)
+    assert answer.agreed, answer.sentences
+    springs = [stage.drive.spring for stage in build(subject).stages]
+    assert all(spring.gap == 2e-3 and spring.stiffness > 1e5 for spring in springs)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
