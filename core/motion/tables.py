@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,11 @@ from .law import MotionLaw, from_table
 Array = NDArray[np.float64]
 
 DATA_SUFFIXES = (".csv", ".parquet")
+
+# half an hour at 1 kHz fits; what is larger is no motion of a robot
+MOST_SAMPLES = 2_000_000
+LARGEST_DATA = 2**31
+_CHUNK = 2**20
 
 
 def law_of_table(table: MotionTable, source: str | None = None) -> MotionLaw:
@@ -52,6 +59,7 @@ def read_run_motion(path: Path, n: int) -> MotionLaw:
     """
     if path.is_dir():
         path = _data_file(path)
+    _check_size(path)
     columns = _read_parquet(path, n) if path.suffix == ".parquet" else _read_csv(path, n)
     t, q, dq = columns["t"], [columns[name] for name in columns if name.startswith("q")], None
     if any(name.startswith("dq") for name in columns):
@@ -64,6 +72,19 @@ def _data_file(folder: Path) -> Path:
         if (folder / f"data{suffix}").is_file():
             return folder / f"data{suffix}"
     raise RunFileError((Problem("a run's folder has a data.csv or a data.parquet", file=str(folder)),))
+
+
+def _check_size(path: Path) -> None:
+    """Refuse what is no file, or is larger than any run."""
+    if not path.is_file():
+        raise RunFileError((Problem("is no file" if path.exists() else "there is no such file", file=str(path)),))
+    size = path.stat().st_size
+    if size > LARGEST_DATA:
+        raise RunFileError((Problem(f"has {size} bytes; a run's data may have {LARGEST_DATA}", file=str(path)),))
+
+
+def _too_long(path: Path, rows: int) -> RunFileError:
+    return RunFileError((Problem(f"has {rows} rows; a motion may have {MOST_SAMPLES}", file=str(path)),))
 
 
 def _wanted(names: Sequence[str], path: Path, n: int) -> list[str]:
@@ -92,6 +113,10 @@ def _wanted(names: Sequence[str], path: Path, n: int) -> list[str]:
 def _read_csv(path: Path, n: int) -> dict[str, Array]:
     """The columns of a motion, every digit of them."""
     try:
+        with path.open("rb") as binary:
+            lines = sum(chunk.count(b"\n") for chunk in iter(lambda: binary.read(_CHUNK), b""))
+        if lines > MOST_SAMPLES + 1:
+            raise _too_long(path, lines - 1)
         with path.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.reader(stream, skipinitialspace=True)
             names = [name.strip() for name in next(reader, ())]
@@ -124,11 +149,14 @@ def _number(text: str, path: Path, line: int, name: str) -> float:
 
 
 def _read_parquet(path: Path, n: int) -> dict[str, Array]:
-    import pandas as pd
-
     try:
-        frame = pd.read_parquet(path)
-        wanted = _wanted([str(name) for name in frame.columns], path, n)
+        parquet: Any = import_module("pyarrow.parquet")
+        file = parquet.ParquetFile(path)
+        # a file of a few kilobytes may unfold to any number of rows
+        if file.metadata.num_rows > MOST_SAMPLES:
+            raise _too_long(path, file.metadata.num_rows)
+        wanted = _wanted([str(name) for name in file.schema_arrow.names], path, n)
+        frame = file.read(columns=wanted)
         columns: dict[str, Array] = {name: np.asarray(frame[name], dtype=np.float64) for name in wanted}
     except ImportError as error:
         problem = Problem("Parquet needs pyarrow: pip install mbexport[parquet]", file=str(path))
