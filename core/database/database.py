@@ -121,6 +121,7 @@ class Database:
         remarks: What a user of the numbers should know.
         products_of_inertia, kinematics_convention: What the files said, for the record; the numbers here are always
             tensor and standard, so these take no part in comparisons.
+        base_taken_up: The base holds the first row's alpha and a of the modified convention; not compared.
         folder: Folder that the meshes are relative to, None for a database made in memory; not compared.
     """
 
@@ -144,6 +145,7 @@ class Database:
     remarks: tuple[str, ...] = ()
     products_of_inertia: Literal["tensor", "integral"] = field(default="tensor", compare=False)
     kinematics_convention: Literal["standard", "modified"] = field(default="standard", compare=False)
+    base_taken_up: bool = field(default=False, compare=False)
     folder: Path | None = field(default=None, compare=False, repr=False)
 
     @property

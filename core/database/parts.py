@@ -48,6 +48,17 @@ class Parts:
     visuals: tuple[tuple[Visual, ...], ...] = ()
 
 
+TILT_OF_TAKEN_BASE = (
+    "base_tilt turns the base before the first row's alpha and a of the modified convention, which the base takes up on "
+    "reading, so it would turn about other axes; write all in the standard convention, or make them 0."
+)
+
+
+def takes_up_base(modified: tuple[VeitscheggerWu, ...]) -> bool:
+    """Whether the first row of Craig's convention moves the base on reading."""
+    return bool(modified) and (modified[0].alpha != 0.0 or modified[0].a != 0.0)
+
+
 def read_parts(sources: Sources, settings: Settings, problems: Problems) -> Parts:
     """All tables of a database; what could not be read stands at its default, and is noted."""
     parts = Parts()
@@ -65,6 +76,8 @@ def read_parts(sources: Sources, settings: Settings, problems: Problems) -> Part
                 raw.line,
                 "arm",
             )
+        if name == "base_tilt" and settings.kinematics_convention == "modified" and takes_up_base(parts.kinematics):
+            problems.error(TILT_OF_TAKEN_BASE, raw.file, raw.line, "robot")
     check_rivals(parts.effects, {name: raw.file for name, raw in sources.effects.items()}, problems)
     for name, raw in sorted(sources.motions.items()):
         if not is_label(name):

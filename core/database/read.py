@@ -11,7 +11,7 @@ from .bodies import other_sign
 from .convention import craig_in_standard, moved_inertias, moved_visuals, standard_base, standard_rows
 from .database import Database, with_effects
 from .frozen import FrozenMap
-from .parts import Parts, check_rivals, read_effect, read_parts
+from .parts import TILT_OF_TAKEN_BASE, Parts, check_rivals, read_effect, read_parts, takes_up_base
 from .problems import Problems
 from .settings import Settings, read_settings
 from .sources import find, gather, table_keys
@@ -75,6 +75,8 @@ def load_effects(folder: Path, database: Database) -> FrozenMap[str, tuple[Effec
         raw = None if text is None else parse_table(text, path.name, problems)
         if raw is not None:
             effects[path.stem] = read_effect(path.stem, raw, database.n, kinds, problems)
+            if path.stem == "base_tilt" and database.base_taken_up:
+                problems.error(TILT_OF_TAKEN_BASE, path.name, raw.line, "robot")
     found = FrozenMap(sorted(effects.items()))
     check_rivals(with_effects(database, found).effects, {path.stem: path.name for path in tables}, problems)
     if problems.errors:
@@ -127,5 +129,6 @@ def _assembled(parts: Parts, settings: Settings, folder: Path) -> Database:
         remarks=settings.remarks,
         products_of_inertia=settings.products_of_inertia,
         kinematics_convention=settings.kinematics_convention,
+        base_taken_up=settings.kinematics_convention == "modified" and takes_up_base(parts.kinematics),
         folder=folder,
     )
