@@ -49,8 +49,8 @@ class Parts:
 
 
 TILT_OF_TAKEN_BASE = (
-    "base_tilt turns the base before the first row's alpha and a of the modified convention, which the base takes up on "
-    "reading, so it would turn about other axes; write all in the standard convention, or make them 0."
+    "base_tilt turns the base before the first row's alpha and a of the modified convention, which the base takes up "
+    "on reading, so it would turn about other axes; write all in the standard convention, or make them 0."
 )
 
 
