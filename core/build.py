@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .effects import catalogue, effect_named, in_order
+from .effects import EffectRow, catalogue, effect_named, in_order
 from .errors import UsageError
 from .kinematics import dynamics
 from .representation import Arm, Drive, Robot, Spring, Stage, Stick
@@ -37,6 +37,22 @@ def build(database: Database, level: str = "full", effects: Iterable[str] | None
         UsageError: No such level, or an effect that the database has no table for.
     """
     chosen, named = _chosen_effects(database, level, effects)
+    robot = replace(
+        assembled(database, {name: database.effects[name] for name in chosen}),
+        level=named,
+        effects=chosen,
+        source_hash=database.content_hash(),
+    )
+    if database.inertia_check == "error":
+        _insist_on_bodies(robot, database)
+    return draw(robot)
+
+
+def assembled(database: Database, rows: Mapping[str, Sequence[EffectRow]]) -> Robot:
+    """The robot of a database with these effects' rows and no others; nothing is drawn, judged or hashed.
+
+    For those who try many variants, and in the middle of a search do not mind what no body can be.
+    """
     joints = database.joints
     stages = tuple(
         Stage(joint, Arm(f"arm_{i + 1}", link, correction, inertia, tuple(visual.shape() for visual in visuals)))
@@ -59,15 +75,11 @@ def build(database: Database, level: str = "full", effects: Iterable[str] | None
         stages=stages,
         tool=database.tool.pose(),
         friction=database.friction,
-        level=named,
-        effects=chosen,
-        source_hash=database.content_hash(),
+        effects=tuple(sorted(rows)),
     )
-    for effect in in_order([effect_named(name) for name in chosen]):
-        robot = effect.apply(robot, database.effects[effect.name])
-    if database.inertia_check == "error":
-        _insist_on_bodies(robot, database)
-    return draw(finish_drives(robot, database.dummy_inertia))
+    for effect in in_order([effect_named(name) for name in sorted(rows)]):
+        robot = effect.apply(robot, rows[effect.name])
+    return finish_drives(robot, database.dummy_inertia)
 
 
 def _insist_on_bodies(robot: Robot, database: Database) -> None:
