@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from ..core.representation import Robot
 from ..core.simulation.backend import Backend, Emission, Program
 from .common import Fate, concepts_of, sheet_name, sheet_text, weightless_motor
-from .mjcf_text import has_range, mjcf_text
+from .mjcf_text import CARRIER, carriers, has_range, mjcf_text
 
 if TYPE_CHECKING:
     from .mujoco_engine import MujocoEngine
@@ -84,6 +84,8 @@ class MjcfBackend(Backend):
 
 def _fate(robot: Robot, datum: str, i: int) -> Fate:
     if datum in _FATES:
+        if datum == "inertia" and i in carriers(robot):
+            return "approximated", f"{CARRIER.mass!r} kg for none, so that no body has more joints than MuJoCo takes"
         refused = "the format asks for a range that is not empty; " + _IN_SHEET
         if datum == "limits.position" and not has_range(robot.stages[i]):
             return "impossible", refused

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 from ..core.build import level_at_rest
@@ -18,7 +19,8 @@ _FRICTION_SOLVER = {"solreffriction": "0.002 1", "solimpfriction": "0.99 0.999 0
 _ROUNDING = 1.0e-12
 # joints that MuJoCo takes on one body
 _MOST_JOINTS = 6
-_CARRIER = Inertia(1.0e-14, (0.0, 0.0, 0.0), 1.0e-14, 1.0e-14, 1.0e-14)
+# MuJoCo wants more than 1e-15 of what moves, kg and kg m^2
+CARRIER = Inertia(1.0e-14, (0.0, 0.0, 0.0), 1.0e-14, 1.0e-14, 1.0e-14)
 
 
 def mjcf_text(robot: Robot, step: float) -> str:
@@ -72,12 +74,27 @@ def _place(pose: Pose) -> dict[str, Any]:
     return {"xyz": pose.xyz, "quat": pose.quaternion()}
 
 
+def carriers(robot: Robot) -> tuple[int, ...]:
+    """Arms (from 0) without inertia that get a body all the same: too many joints for one would come together."""
+    found: list[int] = []
+    joints = 0
+    for i, (stage, following) in enumerate(pairwise(robot.stages)):
+        joints += len(_joints(stage))
+        if stage.arm.inertia != Inertia():
+            joints = 0
+        elif joints + len(_joints(following)) > _MOST_JOINTS:
+            found.append(i)
+            joints = 0
+    return tuple(found)
+
+
 def _bodies(robot: Robot, meshes: dict[tuple[str, tuple[float, ...]], str]) -> list[dict[str, Any]]:
     """One body an arm; joints of arms without any inertia, which MuJoCo refuses, go to the next body that has some.
 
     Joints of one body act one after another, each in the frame that those before it have moved: the same chain. Where
     they would be more than MuJoCo takes, a carrier in between gets an inertia that no digit of the arms' shows.
     """
+    carrying = carriers(robot)
     bodies: list[dict[str, Any]] = []
     place = Pose()
     joints: list[tuple[dict[str, str], Pose]] = []
@@ -90,9 +107,9 @@ def _bodies(robot: Robot, meshes: dict[tuple[str, tuple[float, ...]], str]) -> l
         geoms += _geoms(robot, i, meshes)
         inertia = robot.inertia_in_joint(i)
         if stage.arm.inertia == Inertia() and i < robot.n - 1:
-            if len(joints) + len(_joints(robot.stages[i + 1])) <= _MOST_JOINTS:
+            if i not in carrying:
                 continue
-            inertia = _CARRIER
+            inertia = CARRIER
         bodies.append(
             {
                 "name": stage.arm.name,

@@ -1,5 +1,6 @@
 """Every effect in every engine, alone and in three random sets, at the gates of the integrators' classes."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +12,11 @@ from mbexport.core.agreement.samples import SAMPLED, acting_runs, sample_rows, s
 from mbexport.core.build import build
 from mbexport.core.control import default_pd
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.effects import catalogue, effect_named
+from mbexport.core.effects import EffectRow, catalogue, effect_named
 from mbexport.core.errors import RefusedError, UsageError
-from mbexport.core.simulation import simulate
+from mbexport.core.expansion import expanded
+from mbexport.core.export import emit
+from mbexport.core.simulation import backend_named, simulate
 
 ENGINES = ("urdf", "mjcf", "exudyn", "pybullet")
 DURATION = 0.15
@@ -69,6 +72,42 @@ def test_in_random_sets(database, seed):
     names = np.random.default_rng(seed).choice(SAMPLED, 8, replace=False).tolist()
     refused = held_together(database, names)
     assert {voice for voice, _ in refused} == {voice for voice in ENGINES if set(names) & set(REFUSED[voice])}
+
+
+def everything_gives(database):
+    """Six components at every joint and bends in every arm: up to 16 joints of MuJoCo in a row without mass."""
+    subject = sampled(database, ["joint_compliance_6d", "link_flexibility"])
+    mount, bend = (subject.effects[name][0].values for name in ("joint_compliance_6d", "link_flexibility"))
+    n = len(subject.joints)
+    # each row softer than the one before it, so that no two springs are alike
+    rows = {
+        "joint_compliance_6d": tuple(EffectRow(i + 1, {k: 0.7**i * v for k, v in mount.items()}) for i in range(n)),
+        "link_flexibility": tuple(EffectRow(i + 1, {**bend, "ku": bend["ku"] * (n - i)}) for i in range(n)),
+    }
+    return replace(subject, effects=FrozenMap(rows))
+
+
+@pytest.mark.parametrize("control", ["imposed", "pd"])
+def test_more_joints_than_mujoco_takes_on_one_body(database, control):
+    robot = build(everything_gives(database))
+    assert expanded(robot, imposed=True).robot.n == 16
+    motion = exercise(robot, 0.05)
+    given = None if control == "imposed" else default_pd(robot)
+    one, other = (simulate(robot, engine, motion, given) for engine in ("urdf", "mjcf"))
+    moved = np.max(np.abs(one.joints["q_link"] - one.joints["q"]))
+    assert moved > 1e-3
+    np.testing.assert_allclose(other.tip, one.tip, atol=1e-12)
+    np.testing.assert_allclose(other.joints["q_link"], one.joints["q_link"], atol=1e-12)
+
+
+def test_mujocos_carriers_are_told_and_weigh_nothing(database):
+    emission = emit(build(everything_gives(database)), backend_named("mjcf"))
+    _, *bodies = ET.fromstring(emission.files[emission.main]).iter("body")
+    assert max(len(body.findall("joint")) for body in bodies) <= 6
+    light = [body.get("name") for body in bodies if float(body.find("inertial").get("mass")) < 1e-12]
+    told = [concept for concept in emission.concepts if concept.datum == "inertia" and concept.status != "exact"]
+    assert light and [concept.at for concept in told] == light
+    assert all("1e-14 kg" in concept.how for concept in told)
 
 
 def test_the_catalogue_is_whole():
