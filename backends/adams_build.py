@@ -12,9 +12,7 @@ from .adams_drives import DriveLaws, Sides, number, spring_torque
 from .adams_model import GROUND, Joint, Marker, Model, Motion, Part, Spring
 from .adams_motion import Splines, splines_of
 from .commanded import Commanded, commanded
-
-# Mass and inertia of parts that have none, in those of the lightest arm: far below what any comparison sees.
-NEGLIGIBLE = 1.0e-12
+from .negligible import negligible
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ def build_model(robot: Robot, program: Program) -> Built:
     model = Model(adams_name(robot.name), robot.gravity)
     ground = model.add_part(GROUND)
     base = model.add_marker(ground, "base", robot.base)
-    small = _negligible(robot)
+    small = negligible(robot)
     before, place, in_world = ground, robot.base, Pose()
     every: list[Sides] = []
     for i, stage in enumerate(robot.stages):
@@ -66,13 +64,6 @@ def build_model(robot: Robot, program: Program) -> Built:
     _add_tip(model, tool, base)
     begins = bool(commands.start.dtheta.any())
     return Built(model, splines, program.duration, program.step, begins)
-
-
-def _negligible(robot: Robot) -> Inertia:
-    bodies = [stage.arm.inertia for stage in robot.stages]
-    mass = min((body.mass for body in bodies if body.mass), default=1.0)
-    moment = min((body.xx + body.yy + body.zz for body in bodies if body.xx + body.yy + body.zz), default=mass) / 3.0
-    return Inertia(NEGLIGIBLE * mass, (0.0, 0.0, 0.0), *[NEGLIGIBLE * moment] * 3)
 
 
 def _displaced(kind: JointKind, value: float) -> Pose:

@@ -1,0 +1,3 @@
+function object = AxialSpringDamper()
+object = struct("class", "AxialSpringDamper");
+end

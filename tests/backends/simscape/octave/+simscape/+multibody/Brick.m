@@ -1,0 +1,4 @@
+function brick = Brick(v)
+assert(strcmp(v.unit, "m"));
+brick = struct("class", "Geometry");
+end

@@ -1,0 +1,3 @@
+function object = JointAccelerationDictionary()
+object = containers.Map("KeyType", "char", "ValueType", "any");
+end

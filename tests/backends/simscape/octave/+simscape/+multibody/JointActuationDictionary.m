@@ -1,0 +1,3 @@
+function object = JointActuationDictionary()
+object = containers.Map("KeyType", "char", "ValueType", "any");
+end

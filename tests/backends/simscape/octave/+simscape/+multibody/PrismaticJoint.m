@@ -1,0 +1,3 @@
+function object = PrismaticJoint()
+object = struct("class", "PrismaticJoint");
+end

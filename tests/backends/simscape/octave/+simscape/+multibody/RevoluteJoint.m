@@ -1,0 +1,3 @@
+function object = RevoluteJoint()
+object = struct("class", "RevoluteJoint");
+end

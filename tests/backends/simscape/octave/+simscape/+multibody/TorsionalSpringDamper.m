@@ -1,0 +1,3 @@
+function object = TorsionalSpringDamper()
+object = struct("class", "TorsionalSpringDamper");
+end

@@ -1,0 +1,3 @@
+function object = WorldFrame()
+object = struct("class", "WorldFrame");
+end

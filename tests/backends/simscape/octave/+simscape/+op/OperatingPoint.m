@@ -1,0 +1,3 @@
+function object = OperatingPoint()
+object = containers.Map("KeyType", "char", "ValueType", "any");
+end

@@ -1,0 +1,4 @@
+function target = Target(v, priority)
+assert(any(strcmp(priority, {"High", "Low"})));
+target = v;
+end
