@@ -16,11 +16,12 @@ ROOT = Path(__file__).resolve().parent.parent
 # what stands on what: a part imports parts of lower numbers, and itself
 LEVELS = [
     {"errors"},
-    {"representation", "files", "plugins", "rendering"},
+    {"representation", "files", "data_file", "plugins", "rendering"},
     {"effects", "kinematics", "shapes"},
     {"database"},
     {"importing", "build", "expansion", "motion"},
     {"control"},
+    {"recording"},
     {"simulation"},
     {"export"},
     {"agreement"},

@@ -64,8 +64,9 @@ def motion_named(robot: Robot, name: str, database: Database | None = None) -> M
 
 
 def _from_file(path: Path, robot: Robot) -> MotionLaw:
+    from ..data_file import DATA_SUFFIXES
     from ..database import load_motion
-    from .tables import DATA_SUFFIXES, law_of_table, read_run_motion
+    from .tables import law_of_table, read_run_motion
 
     if path.is_dir() or path.suffix in DATA_SUFFIXES:
         return read_run_motion(path, robot.n)
