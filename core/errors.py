@@ -35,7 +35,9 @@ class Problem:
             parts.append(f"column {self.column}")
         if self.value is not None:
             parts.append(f"value {self.value!r}")
-        return (", ".join(parts) + ": " if parts else "") + self.message
+        told = (", ".join(parts) + ": " if parts else "") + self.message
+        # what a stranger's file is made of may not steer the terminal that tells of it
+        return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in told)
 
 
 class MbexportError(Exception):

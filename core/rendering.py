@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, Any, cast
@@ -11,6 +12,11 @@ from xml.sax.saxutils import escape
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+
+# what no XML may hold, not even escaped
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_HYPHENS = re.compile("-(?=-)")
 
 
 def number(value: float) -> str:
@@ -37,17 +43,19 @@ def python_literal(value: Any) -> str:
     if value is None or isinstance(value, bool | int):
         return repr(value)
     # ASCII only, so that no character of a name can end the line or the string
-    return json.dumps(str(value))
+    return json.dumps(str(value), ensure_ascii=False).encode("ascii", "backslashreplace").decode("ascii")
 
 
 def xml_text(value: object) -> str:
     """Text that is safe in an XML attribute or element."""
-    return escape(str(value), {'"': "&quot;", "'": "&apos;"})
+    return escape(_NOT_XML.sub("\ufffd", str(value)), {'"': "&quot;", "'": "&apos;"})
 
 
 def comment_line(value: object) -> str:
-    """One line of text that is safe in a comment of XML and of Python."""
-    return " ".join(str(value).split()).replace("--", "- -")
+    """One line of text that is safe in a comment of XML, of Python and of others that end with their line."""
+    # what is not printable may turn the direction of writing, too
+    printable = "".join(char if char.isprintable() else "\ufffd" for char in " ".join(str(value).split()))
+    return _HYPHENS.sub("- ", printable)
 
 
 @cache

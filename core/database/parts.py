@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ..effects import EffectRow, catalogue, effect_named
 from ..errors import PluginError
-from ..representation import Inertia, Joint, JointKind, VeitscheggerWu
+from ..representation import Inertia, Joint, JointKind, VeitscheggerWu, is_label
 from .bodies import fault_of, other_sign
 from .database import MotionTable, Visual, home_within, joint_name
 from .frozen import FrozenMap
@@ -17,7 +17,7 @@ from .motions import read_motion_rows
 from .problems import Problems, listed, nearest
 from .rows import Row, read_rows
 from .schema import CORRECTIONS, INERTIA, JOINTS, KINEMATICS, Table, effect_table
-from .settings import Notes, Settings, is_label, read_visuals
+from .settings import LARGEST_MESH, Notes, Settings, read_visuals
 from .sources import SETTINGS_FILE, Sources
 from .table import RawTable
 
@@ -345,6 +345,9 @@ def _check_meshes(visuals: Sequence[Sequence[Visual]], folder: Path, file: str, 
                 problems.error("the mesh's path leaves the database's folder.", file, None, column, shape.mesh)
             elif not path.is_file():
                 problems.error("there is no such mesh in the database's folder.", file, None, column, shape.mesh)
+            elif (size := path.stat().st_size) > LARGEST_MESH:
+                message = f"the mesh has {size} bytes; it may have {LARGEST_MESH}."
+                problems.error(message, file, None, column, shape.mesh)
 
 
 def _check_levels(sources: Sources, settings: Settings, problems: Problems) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from ..representation import FrictionModel, Vector3
+from ..representation import MESH_SUFFIXES, FrictionModel, Vector3, is_label, is_mesh_path, is_name
 from .database import STANDARD_GRAVITY, Placement, Tolerance, Visual
 from .problems import Problems, listed, nearest
 from .rows import read_number
@@ -16,9 +16,9 @@ from .yaml_tree import Entries, Items, Node, Scalar
 
 RESERVED_LEVELS = ("custom", "full", "rigid")
 LONGEST_TEXT = 20_000
+# a mesh larger than this is no picture of a robot's arm
+LARGEST_MESH = 256 * 2**20
 
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,63}")
-_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _TEXT = re.compile(r"[^\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]*")
 
 SETTINGS = (
@@ -147,7 +147,7 @@ def _read_name(nodes: dict[str, Node], settings: Settings, notes: Notes) -> None
     name = text(nodes["name"], "name", notes)
     if name is None:
         return
-    if _NAME.fullmatch(name):
+    if is_name(name):
         settings.name = name
     else:
         notes.error(
@@ -155,11 +155,6 @@ def _read_name(nodes: dict[str, Node], settings: Settings, notes: Notes) -> None
             nodes["name"],
             "name",
         )
-
-
-def is_label(name: str) -> bool:
-    """Whether a name of a level or a motion is safe in file names and texts."""
-    return _LABEL.fullmatch(name) is not None
 
 
 def _read_levels(node: Node, notes: Notes) -> tuple[Level, ...]:
@@ -356,16 +351,13 @@ def _read_visual(node: Node, column: str, notes: Notes) -> Visual | None:
     return visual
 
 
-_MESH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. +-]*(?:/[A-Za-z0-9_][A-Za-z0-9_. +-]*)*")
-
-
 def _mesh_path(node: Node, column: str, notes: Notes) -> str:
     """Path of a mesh relative to the database's folder; noted where it would leave it or is unsafe in a text."""
     path = text(node, column, notes) or ""
-    if not path or len(path) > 200 or not _MESH.fullmatch(path):
+    if not is_mesh_path(path):
         notes.error(
             "a mesh is a path within the database's folder, such as meshes/arm.stl: letters, digits, _ . + - and "
-            "blanks, parts separated by /, none beginning with a dot.",
+            f"blanks, parts separated by /, none beginning with a dot, ending in {listed(MESH_SUFFIXES)}.",
             node,
             column,
         )

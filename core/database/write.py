@@ -13,12 +13,10 @@ from ..files import write_whole
 from ..representation import Inertia, VeitscheggerWu
 from .database import Database, MotionTable, Placement, Visual
 from .schema import JOINTS
+from .settings import LARGEST_MESH
 from .sources import SETTINGS_FILE, YAML_SUFFIXES
 from .table import MOST_ROWS
 from .yaml_tree import MOST_NODES
-
-# a mesh larger than this is no picture of a robot's arm
-LARGEST_MESH = 256 * 2**20
 
 Header = list[str]
 Cells = list[list[float | int | str]]

@@ -1,6 +1,7 @@
 """The neutral robot: frozen data, SI, no engine's words."""
 
 from .inertia import Inertia
+from .names import MESH_SUFFIXES, is_label, is_mesh_path, is_name
 from .pose import Pose, Vector3
 from .robot import (
     TERM_KINDS,
@@ -25,6 +26,7 @@ from .robot import (
 from .veitschegger_wu import VeitscheggerWu
 
 __all__ = [
+    "MESH_SUFFIXES",
     "TERM_KINDS",
     "Arm",
     "ArmSpring",
@@ -47,4 +49,7 @@ __all__ = [
     "TermKind",
     "Vector3",
     "VeitscheggerWu",
+    "is_label",
+    "is_mesh_path",
+    "is_name",
 ]

@@ -14,7 +14,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from ..errors import UsageError
 from .inertia import Inertia
+from .names import is_name
 from .pose import Pose, Vector3
 from .veitschegger_wu import VeitscheggerWu
 
@@ -289,6 +291,19 @@ class Robot:
     effects: tuple[str, ...] = ()
     source_hash: str = ""
     notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse names that could break out of a file's name or of a text that is emitted.
+
+        Raises:
+            UsageError: The name of the robot, of an arm or of a joint is none.
+        """
+        for name in (self.name, *(part.name for stage in self.stages for part in (stage.joint, stage.arm))):
+            if not is_name(name):
+                raise UsageError(
+                    f"{name[:80]!a} is no name of a robot, an arm or a joint: a letter, then at most 63 letters, "
+                    "digits, _ or -."
+                )
 
     @property
     def n(self) -> int:

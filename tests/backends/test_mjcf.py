@@ -531,10 +531,10 @@ def test_the_file_runs_in_plain_mujoco_near_ours(random_robot, program, soft, st
     assert np.max(np.abs(data.qpos[[0, 2]] - moved)) < 5e-3 * np.max(np.abs(moved))
 
 
-def test_same_robot_same_bytes_and_names_cannot_break_out(random_robot, program):
+def test_same_robot_same_bytes_and_remarks_cannot_break_out(random_robot, program):
     robot = random_robot(1, 2)
     assert BACKEND.emit(robot, program(2)) == BACKEND.emit(robot, program(2))
-    nasty = replace(robot, name='a"<b> & c', source_hash="--> <x/>", notes=("--", "two\nlines"))
+    nasty = replace(robot, level='a"<b> & c', source_hash="--> <x/>", notes=("---", "two\nlines"))
     assert BACKEND.load(BACKEND.emit(nasty, program(2))).n == 2
 
 

@@ -1,39 +1,15 @@
-"""A small valid robot as text, and statics by plain sums, which know nothing of the code under test."""
+"""Statics by plain sums, which know nothing of the code under test."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 Matrix = NDArray[np.float64]
-
-SMALL = {
-    "robot.yaml": "name: small\n",
-    "kinematics.dat": "arm alpha[deg] a[m] theta[deg] d[m]\n1 90 0.3 0 0.2\n2 0 0 0 0.1\n",
-    "inertia.dat": "arm mass x y z Ixx Iyy Izz\n1 4 -0.1 0 0 0.02 0.03 0.03\n2 2 0 0 0.1 0.01 0.01 0.005\n",
-    "joints.dat": "joint type lower[deg|m] upper[deg|m]\n1 revolute -170 170\n2 prismatic -0.1 0.4\n",
-}
-
-
-@pytest.fixture
-def small(tmp_path: Path) -> Callable[..., Path]:
-    """Writes the small robot with some files replaced (None: left out) and gives its folder."""
-
-    def make(files: Mapping[str, str | bytes | None] | None = None, name: str = "robot") -> Path:
-        folder = tmp_path / name
-        for file, text in {**SMALL, **(files or {})}.items():
-            if text is not None:
-                path = folder / file
-                path.parent.mkdir(parents=True, exist_ok=True)
-                path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return folder
-
-    return make
 
 
 def rx(angle: float) -> Matrix:

@@ -154,3 +154,17 @@ def test_thousands_of_files(small):
     for i in range(501):
         (folder / "effects" / f"e{i}.dat").touch()
     assert "501 files" in one_problem(folder).message
+
+
+def test_a_mesh_that_is_too_large(small):
+    folder = small({"visuals.yaml": "1:\n  - {kind: mesh, mesh: arm.stl}\n"})
+    with (folder / "arm.stl").open("wb") as stream:
+        stream.truncate(2**40)
+    assert str(2**40) in one_problem(folder).message
+
+
+def test_what_a_file_holds_does_not_steer_the_terminal(small):
+    """Messages repeat what is wrong; escape sequences in them would be obeyed."""
+    problem = one_problem(small({"kinematics.dat": "arm alpha a theta \x1b]0;x\x07d\n1 0 0 0 0\n2 0 0 0 0\n"}))
+    assert "\x1b" in (problem.column or "") + (problem.value or "")
+    assert str(problem).isprintable()
