@@ -22,7 +22,9 @@ DATA_SUFFIXES = (".csv", ".parquet")
 MOST_SAMPLES = 2_000_000
 MOST_CELLS = 200_000_000
 LARGEST_DATA = 2**31
-_CHUNK = 2**20
+LONGEST_LINE = 2**20
+# how Arrow's kinds of numbers begin
+_NUMBERS = ("int", "uint", "halffloat", "float", "double", "bool", "null")
 
 
 def data_file_of(folder: Path) -> Path:
@@ -50,6 +52,7 @@ def column_names(path: Path) -> tuple[str, ...]:
     if path.suffix == ".parquet":
         return tuple(str(name) for name in _open_parquet(path).schema_arrow.names)
     try:
+        _count_lines(path, most=1)
         with path.open(encoding="utf-8-sig", newline="") as stream:
             return tuple(name.strip() for name in next(csv.reader(stream, skipinitialspace=True), ()))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -90,6 +93,22 @@ def _check_length(path: Path, rows: int, columns: int) -> None:
         raise RunFileError((Problem(message, file=str(path)),))
 
 
+def _count_lines(path: Path, most: float = math.inf) -> int:
+    """How many lines end in a file, up to about as many as asked for; none is longer than a line may be."""
+    lines = since = 0
+    with path.open("rb") as binary:
+        while lines < most and (chunk := binary.read(LONGEST_LINE)):
+            first, last = chunk.find(b"\n"), chunk.rfind(b"\n")
+            since += first if first >= 0 else len(chunk)
+            if since > LONGEST_LINE:
+                message = f"the line has more than {LONGEST_LINE} bytes"
+                raise RunFileError((Problem(message, file=str(path), line=lines + 1),))
+            if first >= 0:
+                lines += chunk.count(b"\n")
+                since = len(chunk) - last - 1
+    return lines
+
+
 def _unreadable(path: Path, error: Exception) -> RunFileError:
     if isinstance(error, OSError):
         return RunFileError((Problem(f"cannot be read: {error.strerror or error}", file=str(path)),))
@@ -106,8 +125,7 @@ def _once(path: Path, header: Sequence[str], names: Sequence[str]) -> list[int]:
 
 def _from_csv(path: Path, names: Sequence[str]) -> dict[str, Array]:
     try:
-        with path.open("rb") as binary:
-            lines = sum(chunk.count(b"\n") for chunk in iter(lambda: binary.read(_CHUNK), b""))
+        lines = _count_lines(path)
         header = column_names(path)
         _check_length(path, lines - 1, len(header))
         places = _once(path, header, names)
@@ -175,6 +193,12 @@ def _from_parquet(path: Path, names: Sequence[str]) -> dict[str, Array]:
     # a file of a few kilobytes may unfold to any number of rows
     _check_length(path, file.metadata.num_rows, len(names))
     _once(path, [str(name) for name in file.schema_arrow.names], names)
+    for name in names:
+        # texts and lists may unfold to any size, and are no numbers
+        kind = str(file.schema_arrow.field(name).type)
+        if not kind.startswith(_NUMBERS):
+            message = f"holds values of kind {kind[:40]}, not numbers"
+            raise RunFileError((Problem(message, file=str(path), column=name),))
     try:
         frame = file.read(columns=list(names))
     except OSError as error:
