@@ -14,7 +14,10 @@ STIFF = Spring(math.inf, math.inf)
 
 
 class Backlash(Effect):
-    """T = 0 while abs(theta - q) < gap/2, spring and damper beyond; the damper never pulls."""
+    """T = 0 while abs(theta - q) < gap/2, spring and damper beyond; the damper never pulls.
+
+    A dead zone before a spring-damper (Nordin and Gutman, 2002).
+    """
 
     name = "backlash"
     key = "joint"

@@ -10,7 +10,10 @@ from .effect import Column, Effect, EffectRow
 
 
 class BaseTilt(Effect):
-    """The base's orientation becomes R_base Rx(roll) Ry(pitch); gravity stays."""
+    """The base's orientation becomes R_base Rx(roll) Ry(pitch); gravity stays.
+
+    Two of the base's six parameters (Mooring, Roth and Driels, 1991): the two that gravity tells.
+    """
 
     name = "base_tilt"
     key = "robot"

@@ -10,7 +10,10 @@ from .effect import Column, Effect, EffectRow
 
 
 class ControllerGain(Effect):
-    """Factors on the gains of the controller."""
+    """Factors on the gains of the controller: kp KP (q_cmd - q) + kd KD (dq_cmd - dq).
+
+    The joint PD of Takegaki and Arimoto (1981).
+    """
 
     name = "controller_gain"
     key = "joint"

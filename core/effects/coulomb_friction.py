@@ -13,7 +13,10 @@ def level(p: Any, t: float, theta: float, dtheta: float, q: float, dq: float, lo
 
 
 class CoulombFriction(Effect):
-    """Fc sign(theta') on the motor side; how it sticks is the robot's FrictionModel."""
+    """Fc sign(theta') on the motor side; how it sticks is the robot's FrictionModel.
+
+    Coulomb (1785).
+    """
 
     name = "coulomb_friction"
     key = "joint"

@@ -10,7 +10,10 @@ from .effect import Column, Effect, EffectRow
 
 
 class Delay(Effect):
-    """The torque command acts `time` later; the reported tau is the late one."""
+    """The torque command acts `time` later; the reported tau is the late one.
+
+    tau(t) = tau_cmd(t - time), dead time (Smith, 1957).
+    """
 
     name = "delay"
     key = "robot"

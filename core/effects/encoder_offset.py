@@ -10,7 +10,10 @@ from .effect import Column, Effect, EffectRow, with_stage
 
 
 class EncoderOffset(Effect):
-    """Reported q = true + offset; the controller, and in mode motion the drive, follows the reported one."""
+    """Reported q = true + offset; the controller, and in mode motion the drive, follows the reported one.
+
+    The joint offsets of calibration (Mooring, Roth and Driels, 1991).
+    """
 
     name = "encoder_offset"
     key = "joint"

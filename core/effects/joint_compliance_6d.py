@@ -18,7 +18,8 @@ class JointCompliance6d(Effect):
 
     It stands in the frame that moves with the joint (z = axis); deflections follow one another in the order x y z rx
     ry, and rz is in series with the drive, as joint_compliance (at a prismatic joint z is, and rz follows ry). inf or
-    missing: rigid there. Each component is a linear spring-damper of its own, without coupling.
+    missing: rigid there. Each component is a linear spring-damper of its own, without coupling. The outlook of
+    IMECE2013-64815 asks for it.
     """
 
     name = "joint_compliance_6d"

@@ -10,7 +10,7 @@ from .effect import Column, Effect, EffectRow, with_drive
 
 
 class JointSpring(Effect):
-    """-stiffness (q - rest) on the arm side."""
+    """-stiffness (q - rest) on the arm side, by Hooke's law (1678)."""
 
     name = "joint_spring"
     key = "joint"

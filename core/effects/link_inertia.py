@@ -12,7 +12,10 @@ from .effect import Column, Effect, EffectRow, with_stage
 
 
 class LinkInertia(Effect):
-    """Added to mass, first moments and tensor about the frame's origin, in which the dynamics are linear."""
+    """Added to mass, first moments and tensor about the frame's origin, in which the dynamics are linear.
+
+    Atkeson, An and Hollerbach (1986).
+    """
 
     name = "link_inertia"
     key = "arm"

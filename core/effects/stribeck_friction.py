@@ -15,7 +15,7 @@ def level(p: Any, t: float, theta: float, dtheta: float, q: float, dq: float, lo
 
 
 class StribeckFriction(Effect):
-    """Fs exp(-(theta'/vs)^2) sign(theta')."""
+    """Fs exp(-(theta'/vs)^2) sign(theta') (Stribeck, 1902; the formula: Bo and Pavelescu, 1982)."""
 
     name = "stribeck_friction"
     key = "joint"

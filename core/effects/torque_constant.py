@@ -10,7 +10,10 @@ from .effect import Column, Effect, EffectRow, with_drive
 
 
 class TorqueConstant(Effect):
-    """The motor gives gain times the torque after torque_limit; the reported tau is without the gain."""
+    """The motor gives gain times the torque after torque_limit; the reported tau is without the gain.
+
+    A wrong joint drive gain (Gautier and Briot, 2014).
+    """
 
     name = "torque_constant"
     key = "joint"

@@ -10,7 +10,7 @@ from .effect import Column, Effect, EffectRow, with_drive
 
 
 class TorqueLimit(Effect):
-    """tau is cut at +-torque, after the delay."""
+    """tau is cut at +-torque, after the delay: a saturation of slope 1 (Khalil, Nonlinear Systems, 2002)."""
 
     name = "torque_limit"
     key = "joint"

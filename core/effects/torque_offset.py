@@ -10,7 +10,7 @@ from .effect import Column, Effect, EffectRow, with_stage
 
 
 class TorqueOffset(Effect):
-    """Added to the reported tau and to nothing else."""
+    """Added to the reported tau and to nothing else: a zero error, as metrology calls it (JCGM 200:2012)."""
 
     name = "torque_offset"
     key = "joint"

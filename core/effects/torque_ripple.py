@@ -14,7 +14,10 @@ def resistance(p: Any, t: float, theta: float, dtheta: float, q: float, dq: floa
 
 
 class TorqueRipple(Effect):
-    """Adds amplitude sin(cycles theta + phase) to the friction."""
+    """Adds amplitude sin(cycles theta + phase) to the friction.
+
+    One harmonic of a motor's cogging and ripple (Holtz and Springob, 1996), or of the teeth of its gear.
+    """
 
     name = "torque_ripple"
     key = "joint"

@@ -10,7 +10,7 @@ from .effect import Column, Effect, EffectRow, with_drive
 
 
 class ViscousFriction(Effect):
-    """c theta', linear, so that engines take it natively."""
+    """c theta', linear, so that engines take it natively (Armstrong-Helouvry, Dupont and Canudas de Wit, 1994)."""
 
     name = "viscous_friction"
     key = "joint"
