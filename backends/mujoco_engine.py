@@ -38,8 +38,9 @@ class MujocoEngine(DrivenEngine):
             RefusedError: MuJoCo cannot hold the model.
         """
         sheet = sheet_of(emission).drives
-        model = _loaded(emission.files[emission.main], emission.main)
+        # compiling a model may warn already
         _keep_warnings_out_of_files()
+        model = _loaded(emission.files[emission.main], emission.main)
         off = _mujoco.mjtDisableBit
         for bit in (off.mjDSBL_AUTORESET, off.mjDSBL_CONSTRAINT, off.mjDSBL_CONTACT, off.mjDSBL_SENSOR):
             model.opt.disableflags |= int(bit)
