@@ -73,8 +73,8 @@ class Command(NamedTuple):
 
 class Control(NamedTuple):
     """kp, kd (n,), as they act; feedforward (ticks, n); limit (n,); delay [s]; offset (n,): reported less true
-    position; noise (ticks, 2, n) that the controller sees on position and speed; rate [Hz]; command_hold: ticks for which
-    the command is held."""
+    position; noise (ticks, 2, n) that the controller sees on position and speed; rate [Hz]; command_hold: for how many
+    ticks the command is held."""
 
     kp: np.ndarray
     kd: np.ndarray

@@ -1,6 +1,6 @@
 """Open truth and diagnoses of a bank, and write what was right: counts with Wilson 95 % intervals.
 
-    python benchmarks/blind/score.py BANK/tune OUT        (OUT as diagnose.py wrote it; writes OUT/score.json, score.txt)
+    python benchmarks/blind/score.py BANK/tune OUT    (OUT as diagnose.py wrote it; adds score.json, score.txt)
 
 Places and names count as they were sealed: cases where two candidates cannot be told apart are not taken out, so the
 figures for single effects are lower bounds.
