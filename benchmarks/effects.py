@@ -3,10 +3,11 @@
     python benchmarks/effects.py [ROBOT] [SECONDS] [EFFECT ...]
 
 Every effect alone with sample rows that suit the robot, then three random sets of eight (seeds 1, 2, 3); several names
-joined by + are one set. A cell is what an engine is off from the first other engine of class A in the signal and run
-where it comes nearest to its gate, over that gate; "refused" is counted at the end with its reason. What is compared:
-the runs in which all of the set acts (friction: smooth and sticking, in a closed loop; what gives: imposed and in a
-loop; else rigid joints, imposed and in a loop), then kinematics, dynamics, drives and sag at rest.
+joined by + are one set. A cell is what an engine is off from Pinocchio in the signal and run where it comes nearest to
+its gate, over that gate; "refused" is counted at the end with its reason. What is compared: the runs in which all of
+the set acts (friction: smooth and sticking, in a closed loop; what gives: imposed and in a loop; else rigid joints,
+imposed and in a loop), then kinematics, dynamics, drives and sag at rest. The last column is of what nobody integrates:
+all at rest, and rigid joints whose motion is imposed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from mbexport.core.agreement import Agreement, Figure, agree
 from mbexport.core.agreement.quantities import STATICS
 from mbexport.core.agreement.samples import SAMPLED, acting_runs, sampled
 
-ENGINES = ("urdf", "mjcf", "exudyn", "pybullet")
+REFERENCE, OTHERS = "urdf", ("mjcf", "exudyn", "pybullet")
 ROBOT, DURATION, STATES = "planar2r", 0.5, 8
 SEEDS, SET = (1, 2, 3), 8
 
@@ -37,13 +38,13 @@ def sets(wanted: list[str]) -> list[tuple[str, tuple[str, ...]]]:
     return lines
 
 
-def worst(answer: Agreement, engine: str, *, at_rest: bool) -> Figure | None:
-    """The figure of an engine against a trusted other one that is nearest to its gate, or farthest beyond."""
-    other = next(name for name in ENGINES if name != engine)
+def worst(answer: Agreement, engine: str, *, integrated: bool) -> Figure | None:
+    """The figure of an engine against the reference that is nearest to its gate, or farthest beyond."""
     own = [
         figure
         for figure in answer.figures
-        if set(figure.voices) == {engine, other} and (figure.scenario == "statics") == at_rest
+        if set(figure.voices) == {engine, REFERENCE}
+        and integrated == (figure.scenario != "statics" and figure.manner != "algebra")
     ]
     return max(own, key=lambda figure: figure.value / figure.gate, default=None)
 
@@ -60,22 +61,22 @@ def main(robot: str = ROBOT, seconds: str = str(DURATION), *wanted: str) -> None
     database = mbexport.load(robot)
     begin = time.perf_counter()
     print(f"{robot}, runs of {seconds} s, {STATES} states; value / gate, signal\n")
-    print("| effects | " + " | ".join(ENGINES) + " | at rest, the worst of all |")
-    print("|---" * (len(ENGINES) + 2) + "|")
+    print("| effects | " + " | ".join(OTHERS) + " | not integrated, the worst of all |")
+    print("|---" * (len(OTHERS) + 2) + "|")
     refusals: list[str] = []
     disagreed: list[str] = []
     for title, names in sets(list(wanted)):
         subject = sampled(database, names)
         quantities = (*STATICS, *acting_runs(mbexport.build(subject)))
-        answer = agree(subject, ENGINES, quantities=quantities, duration=float(seconds), states=STATES)
-        figures = [worst(answer, engine, at_rest=False) for engine in ENGINES]
-        still = [figure for engine in ENGINES if (figure := worst(answer, engine, at_rest=True))]
+        answer = agree(subject, (REFERENCE, *OTHERS), quantities=quantities, duration=float(seconds), states=STATES)
+        figures = [worst(answer, engine, integrated=True) for engine in OTHERS]
+        still = [figure for engine in OTHERS if (figure := worst(answer, engine, integrated=False))]
         figures.append(max(still, key=lambda figure: figure.value / figure.gate, default=None))
         print(f"| {title} | " + " | ".join(map(cell, figures)) + " |", flush=True)
         refusals += [
             f"{title}: {omission.voice} refuses {omission.scenario}: {omission.reason}"
             for omission in answer.left_out
-            if omission.voice in ENGINES
+            if omission.voice in (REFERENCE, *OTHERS)
         ]
         disagreed += [f"{title}: {sentence}" for sentence in answer.sentences if not answer.agreed]
     print()

@@ -238,7 +238,8 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
             shifted = sag.copy()
             shifted[j] += shift
             slope[:, column] = (unbalance(shifted) - now) / shift
-        move = np.linalg.solve(slope, now)
+        # within its play a joint without load has no slope: it stays
+        move = np.linalg.lstsq(slope, now, rcond=None)[0]
         sag[free] -= move
         if float(np.max(np.abs(move))) <= 1e-15 + 1e-13 * float(np.max(np.abs(sag))):
             break

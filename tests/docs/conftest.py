@@ -7,8 +7,10 @@ is what the block run before it prints.
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -68,3 +70,22 @@ def page_blocks(page: Path) -> list[Block]:
 @pytest.fixture(scope="session")
 def parse_blocks():
     return blocks_of
+
+
+@pytest.fixture(scope="session")
+def script():
+    """script("generate"): a script of docs/ as a module."""
+
+    def load(name):
+        spec = importlib.util.spec_from_file_location(f"docs_{name}", ROOT / "docs" / f"{name}.py")
+        module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def png_size():
+    """Width and height of a PNG file, as its bytes."""
+    return lambda path: path.read_bytes()[16:24]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -53,7 +52,7 @@ def test_pictures_are_small_and_shown():
         for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))
         for target in LINK.findall(page.read_text(encoding="utf-8"))
     }
-    for picture in (ROOT / "docs" / "pictures").iterdir():
+    for picture in (ROOT / "docs" / "pictures").rglob("*.png"):
         assert picture in shown, f"{picture.name} is on no page"
         assert picture.stat().st_size <= LARGEST_PICTURE, picture.name
 
@@ -64,26 +63,15 @@ def test_nothing_is_left_open(page):
         assert word.lower() not in text.lower(), f"{page.name}: {word}"
 
 
-def script(name):
-    """A script of docs/ as a module."""
-    spec = importlib.util.spec_from_file_location(f"docs_{name}", ROOT / "docs" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="session")
-def generate():
+def generate(script):
     return script("generate")
 
 
-def test_drawings_are_drawn(tmp_path):
-    def size(path):
-        return path.read_bytes()[16:24]  # width and height of a PNG
-
+def test_drawings_are_drawn(script, png_size, tmp_path):
     for name, draw in script("make_pictures").PICTURES_OF.items():
         draw(tmp_path / name)
-        assert size(tmp_path / name) == size(ROOT / "docs" / "pictures" / name)
+        assert png_size(tmp_path / name) == png_size(ROOT / "docs" / "pictures" / name)
 
 
 def test_generated_parts_are_current(page, generate):
