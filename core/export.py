@@ -73,7 +73,7 @@ def export(
     for name, emission in emissions.items():
         prefix = f"{name}/" if len(emissions) > 1 else ""
         files.update({prefix + path: content for path, content in pictures.items()})
-        files.update({prefix + path: text for path, text in emission.files.items()})
+        files.update({prefix + path: content for path, content in (*emission.files.items(), *emission.packed.items())})
         files[f"{prefix}{robot.name}.concepts.json"] = concept_report(robot, emission)
     write_whole(Path(folder), files, force=force)
     return emissions

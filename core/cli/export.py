@@ -82,7 +82,7 @@ def _facts(robot: Robot, folder: Path, emissions: dict[str, Emission]) -> dict[s
             name: {
                 "folder": str(folder / name if several else folder),
                 "main": emission.main,
-                "files": list(emission.files),
+                "files": [*emission.files, *emission.packed],
                 "concepts": Counter(concept.status for concept in emission.concepts),
             }
             for name, emission in emissions.items()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -68,12 +68,14 @@ class Emission:
         main: Name of the file that a user opens.
         files: File name (relative, POSIX) to text.
         concepts: What became of every datum.
+        packed: File name to bytes, for formats that are no text.
     """
 
     backend: str
     main: str
     files: Mapping[str, str]
     concepts: tuple[Concept, ...]
+    packed: Mapping[str, bytes] = field(default_factory=dict[str, bytes])
 
 
 @dataclass(slots=True)

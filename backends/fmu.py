@@ -1,0 +1,110 @@
+"""A co-simulation unit (FMI 2.0): the robot in C, for every tool that imports units; none of them needs Python."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar, Literal
+
+from ..core.errors import RefusedError
+from ..core.representation import Robot
+from ..core.simulation.backend import Backend, Concept, Emission, Engine, Program
+from ..core.simulation.step import choose_step, poses_of
+from .common import Fate, concepts_of, header_lines, weightless_motor
+from .fmu_unit import archive, binary_place, compiled_unit, compiler, unit_of
+
+_FATES: dict[str, Fate] = {
+    "gravity": ("exact", "parameters gravity_in_base"),
+    "base": ("exact", "in gravity_in_base; its place moves nothing, outputs are in the base"),
+    "kinematics": ("exact", "numbers of the chain"),
+    "corrections": ("exact", "in the chain: the joints stand at their real places"),
+    "inertia": ("exact", "numbers of the chain; mass and center of mass are parameters"),
+    "tool": ("exact", "outputs ee"),
+    "joint.type": ("exact", "kinds of the chain"),
+    "shapes": ("impossible", "nothing to look at in a unit"),
+    "home": ("impossible", "the unit starts where its program does"),
+    "limits.position": ("impossible", "they bound planning; nothing in the unit enforces them"),
+    "limits.velocity": ("impossible", "they bound planning; nothing in the unit enforces them"),
+    "limits.effort": ("impossible", "they bound planning; nothing in the unit enforces them"),
+    "friction.model": ("exact", "in the drives' equations"),
+    "controller_gain": ("impossible", "the controller is outside of the unit"),
+    "delay": ("exact", "parameter delay.time"),
+}
+
+
+class FmuBackend(Backend):
+    """An FMU for co-simulation: description, C sources, and a binary of this platform where there is a compiler."""
+
+    name: ClassVar[str] = "fmu"
+    engine: ClassVar[str] = "FMI 2.0 for Co-Simulation"
+    integrator: ClassVar[str] = "RK4, within the unit"
+    order: ClassVar[int] = 4
+    gate_class: ClassVar[Literal["A", "B"]] = "A"
+    largest_step: ClassVar[float] = 1.0e-3
+    stable: ClassVar[float] = 2.7
+    # it may be driven either way, so elastic parts are joints on springs, moved by nothing else
+    scripted: ClassVar[bool] = False
+    runs: ClassVar[bool] = False
+
+    def version(self) -> str:
+        """None: importers are elsewhere."""
+        return ""
+
+    def refusal(self, robot: Robot, program: Program | None) -> str | None:
+        """An elastic joint moved by torque needs an inertia between torque and spring."""
+        return weightless_motor(robot, program)
+
+    def emit(self, robot: Robot, program: Program) -> Emission:
+        """One .fmu.
+
+        Raises:
+            RefusedError: A law has no form in C, or the robot cannot be moved so.
+        """
+        reason = self.refusal(robot, program)
+        if reason is not None:
+            raise RefusedError(f"{self.name} refuses {robot.name}: {reason}")
+        program = replace(program, step=_step(self, robot, program))
+        header = header_lines(
+            robot,
+            "conventions: ports are those of a run's data: q as the encoder reports it, q_link the arm's side",
+            f"integration: classical Runge-Kutta, steps of {program.step!r} s or shorter",
+        )
+        unit = unit_of(robot, program, header)
+        content: dict[str, str | bytes] = dict(unit.texts)
+        found = compiler()
+        if found:
+            content[binary_place(unit.identifier)] = compiled_unit(unit, found)
+        main = f"{robot.name}.fmu"
+        concepts = concepts_of(robot, _fate) + tuple(_of_program(program, unit.mode, bool(found)))
+        return Emission(self.name, main, {}, concepts, {main: archive(content)})
+
+    def load(self, emission: Emission) -> Engine:
+        """Not here.
+
+        Raises:
+            RefusedError: Always.
+        """
+        raise RefusedError("fmu: emitted only; a tool that imports FMI 2.0 units runs it, FMPy for instance.")
+
+
+def _step(backend: Backend, robot: Robot, program: Program) -> float:
+    """A step that does for every way in which the joints can be moved [s]."""
+    weightless = any(stage.drive.spring and stage.drive.inertia == 0.0 for stage in robot.stages)
+    poses = poses_of(robot, program.motion)
+    steps = [
+        choose_step(robot, backend, imposed=way, poses=poses) for way in ((True,) if weightless else (True, False))
+    ]
+    return min(program.step, *steps)
+
+
+def _of_program(program: Program, mode: int, compiled: bool) -> list[Concept]:
+    moved = {1: "torque in (mode 1)", 2: "motion in (mode 2)", 3: "the motion within (mode 3)"}[mode]
+    concepts = [Concept("motion", "all joints", "exact", f"within the unit as polynomials; it starts with {moved}")]
+    if program.control.mode == "pd":
+        concepts.append(Concept("control", "all joints", "impossible", "the controller is outside; its torque goes in"))
+    how = "in the archive, for this platform" if compiled else "none, for want of a C compiler: compile the sources"
+    concepts.append(Concept("binary", "robot", "exact", how))
+    return concepts
+
+
+def _fate(datum: str, i: int) -> Fate:
+    return _FATES.get(datum, ("exact", f"parameters joint_{i + 1}.{datum} or numbers within"))
