@@ -1,0 +1,198 @@
+"""How far the gap shrinks on runs that no fit has seen, re-simulated with the effects that were found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database import Database
+from ..effects import EffectRow
+from ..errors import MbexportError
+from ..recording import Run
+from ..recording.run import MEASURED
+from .blocks import Blocks, Sums
+from .diagnosis import EffectShare, HowFar, Overlay
+from .model import robot_of
+from .noise import Noise, noise_floor
+from .resimulate import compared, residuals, resimulated
+
+Vector = NDArray[np.float64]
+Simulated = Mapping[str, Vector]
+
+# a gap is one where it stands so many of its standard errors above none
+CLEAR = 2.0
+COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """An effect that was found.
+
+    Attributes:
+        effect: Its name.
+        at: joint_N, arm_N or robot.
+        row: For the database.
+    """
+
+    effect: str
+    at: str
+    row: EffectRow
+
+    @property
+    def name(self) -> str:
+        """What a person calls it: "effect at"."""
+        return f"{self.effect} {self.at}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fold:
+    """Runs that no fit of these rows has seen.
+
+    Attributes:
+        found: In the order in which they were added, the same effects and places in every fold.
+        runs: Held out.
+    """
+
+    found: tuple[Found, ...]
+    runs: tuple[Run, ...]
+
+
+def rows_of(found: Sequence[Found]) -> dict[str, tuple[EffectRow, ...]]:
+    """Effect -> rows, sorted by place."""
+    rows: dict[str, list[EffectRow]] = {}
+    for one in found:
+        rows.setdefault(one.effect, []).append(one.row)
+    return {name: tuple(sorted(parts, key=lambda row: row.at)) for name, parts in rows.items()}
+
+
+def how_far(
+    database: Database,
+    level: str,
+    folds: Sequence[Fold],
+    backend: str,
+    backends: Sequence[str] = (),
+    tell: Callable[[str], None] | None = None,
+) -> tuple[HowFar, tuple[Overlay, ...]]:
+    """How far the gap shrinks, effect by effect and together, in one engine and in others.
+
+    Args:
+        database: The robot without what was found.
+        level: Which of its own effects count.
+        folds: Runs with rows that were fitted without them.
+        backend: Engine of the figures.
+        backends: Engines in which the total is simulated too.
+        tell: Is told what is being simulated.
+
+    Raises:
+        RefusedError: The engine of the figures refuses the robot.
+    """
+    say = tell or _say_nothing
+    runs = [run for fold in folds for run in fold.runs]
+    noises = [noise_floor(database, level, run) for run in runs]
+    names = [found.name for found in folds[0].found] if folds else []
+
+    def simulated(chosen: Sequence[int], engine: str) -> list[Simulated]:
+        say(f"{engine}: " + (", ".join(names[k] for k in chosen) or "nothing added"))
+        return [
+            resimulated(
+                robot_of(database, level, run, rows_of([fold.found[k] for k in chosen])),
+                robot_of(database, level, run),
+                run,
+                engine,
+            )
+            for fold in folds
+            for run in fold.runs
+        ]
+
+    whole = list(range(len(names)))
+    steps = [simulated(whole[:k], backend) for k in range(len(names) + 1)]
+    shrunk = [_Shrunk(runs, noises, steps[0], step) for step in steps]
+    total = shrunk[-1]
+    without: dict[str, float | None] = {}
+    for k in whole:
+        rest = [j for j in whole if j != k]
+        one = steps[k] if k == len(names) - 1 else simulated(rest, backend)
+        without[names[k]] = _Shrunk(runs, noises, steps[0], one).by()
+    engines: dict[str, float | None] = {}
+    refused: dict[str, str] = {}
+    if backend in backends or not backends:
+        engines[backend] = total.by()
+    for engine in (engine for engine in backends if engine != backend):
+        try:
+            before, after = simulated([], engine), simulated(whole, engine)
+        except MbexportError as error:
+            refused[engine] = str(error)
+        else:
+            engines[engine] = _Shrunk(runs, noises, before, after).by()
+    gaps = [float(one.after.gap()) for one in shrunk]
+    clear = total.by() is not None
+    answer = HowFar(
+        before={name: total.before.rms(name) for name in total.before.signals},
+        after={name: total.after.rms(name) for name in total.after.signals},
+        noise={name: total.before.noise(name) for name in total.before.signals},
+        shrinks_by=total.by(),
+        ci95=total.interval(),
+        signals={name: total.by(name) for name in total.before.signals},
+        by_effect=tuple(
+            EffectShare(found.effect, found.at, (gaps[k] - gaps[k + 1]) / gaps[0])
+            for k, found in enumerate(folds[0].found)
+        )
+        if clear
+        else (),
+        backends=engines,
+        refused=refused,
+        without=without,
+    )
+    overlays = tuple(
+        Overlay(
+            run.name,
+            run.t,
+            {name: run.signals[name] for name in COMMANDS if run.has(name)}
+            | {name: run.signals[name] for name in MEASURED if run.has(name)}
+            | compared(run),
+            before,
+            after,
+            noise.sigma,
+            True,
+        )
+        for run, noise, before, after in zip(runs, noises, steps[0], steps[-1], strict=True)
+    )
+    return answer, overlays
+
+
+class _Shrunk:
+    """The gap of some runs before and after, with how both scatter."""
+
+    def __init__(
+        self, runs: Sequence[Run], noises: Sequence[Noise], before: Sequence[Simulated], after: Sequence[Simulated]
+    ) -> None:
+        blocks = [
+            Blocks.of([residuals(run, one) for run, one in zip(runs, simulated, strict=True)], noises, runs)
+            for simulated in (before, after)
+        ]
+        self.before, self.after = (block.together() for block in blocks)
+        # the same blocks of both
+        self._drawn: tuple[Sums, ...] = tuple(block.drawn() for block in blocks)
+
+    def by(self, signal: str | None = None) -> float | None:
+        """1 - gap after / gap before, of a signal or all; None where there is no clear gap before."""
+        before = float(self.before.gap(signal))
+        scatter = float(np.std(self._drawn[0].gap(signal)))
+        if not before > CLEAR * scatter:
+            return None
+        return 1.0 - float(self.after.gap(signal)) / before
+
+    def interval(self) -> tuple[float, float] | None:
+        """95 % of what `by` is when blocks are drawn anew; None with it."""
+        if self.by() is None:
+            return None
+        before, after = (drawn.gap() for drawn in self._drawn)
+        low, high = np.quantile(1.0 - after / np.maximum(before, 1e-300), [0.025, 0.975])
+        return float(low), float(high)
+
+
+def _say_nothing(what: str) -> None:
+    """Nobody listens."""

@@ -1,0 +1,53 @@
+"""The robot that a run is held against: the database at a level, what hangs there, and effects on top."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..build import assembled
+from ..database import Database, FrozenMap
+from ..effects import EffectRow, effect_named
+from ..errors import UsageError
+from ..recording import Run
+from ..representation import Robot
+
+Rows = Mapping[str, tuple[EffectRow, ...]]
+
+
+def robot_of(database: Database, level: str, run: Run, effects: Rows | None = None) -> Robot:
+    """The database at a level with the run's declared payload, and with effects that were found.
+
+    Args:
+        database: The robot as its database knows it.
+        level: Which of the database's own effects count.
+        run: Its log's payload hangs there beside the database's own.
+        effects: Rows that replace the level's at their places, or stand beside them.
+
+    Raises:
+        UsageError: No such level.
+    """
+    robot = assembled(database, merged(level_rows(database, level), effects or {}))
+    if run.payload:
+        robot = effect_named("payload").apply(robot, (EffectRow(0, FrozenMap(run.payload)),))
+    return robot
+
+
+def level_rows(database: Database, level: str) -> dict[str, tuple[EffectRow, ...]]:
+    """Rows of the effects that a level uses.
+
+    Raises:
+        UsageError: No such level.
+    """
+    known = sorted({"full", "rigid", *database.levels})
+    if level not in known:
+        raise UsageError(f"{database.name} has no level {level!r}; it has: {', '.join(known)}.")
+    return {name: database.effects[name] for name in database.level_effects(level)}
+
+
+def merged(rows: Rows, others: Rows) -> dict[str, tuple[EffectRow, ...]]:
+    """Rows, replaced where others have one of the same effect and place."""
+    whole = dict(rows)
+    for name, new in others.items():
+        by_place = {row.at: row for row in whole.get(name, ())} | {row.at: row for row in new}
+        whole[name] = tuple(by_place[at] for at in sorted(by_place))
+    return whole

@@ -1,0 +1,361 @@
+"""What measured minus simulated would still be for a perfect model: sensors, their way through filters, tolerances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database import Database, Tolerance
+from ..kinematics import dynamics, kinematics
+from ..recording import ChannelNoise, Run, noise_of
+from ..recording.run import MEASURED
+from ..representation import Arm, Robot
+from .model import robot_of
+from .prepare import prepared
+from .resimulate import WINDOW, smoothed
+
+Vector = NDArray[np.float64]
+
+# how well a standard deviation is known: as its log states it, and as it is estimated [relative]
+STATED, ESTIMATED = 0.03, 0.06
+# what two good integrators may differ by, as a part of the signal
+NUMERICAL = 1.0e-6
+# instants at which tolerances are followed [Hz]
+TOLERANCE_RATE = 100.0
+# draws of sensor noise that are sent through filters
+DRAWS = 6
+# a controller sees its sensor's noise where so much of the torque's high band is that of its feedback
+SEEN = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Noise:
+    """Standard deviations that a perfect model would leave in one run, a value a channel: (n,), ee and ee_rot (3,).
+
+    Attributes:
+        sensor: What sensors add, their way through controller and filters included.
+        tolerance: What the database's numbers may be off by.
+        freedom: Degrees of freedom of the mean square: how many independent samples of equal weight would scatter so.
+    """
+
+    sensor: Mapping[str, Vector]
+    tolerance: Mapping[str, Vector]
+    freedom: Mapping[str, Vector]
+
+    @property
+    def sigma(self) -> dict[str, Vector]:
+        """Both together."""
+        return {name: np.hypot(values, self.tolerance[name]) for name, values in self.sensor.items()}
+
+
+@lru_cache(maxsize=64)
+def noise_floor(database: Database, level: str, run: Run) -> Noise:
+    """The noise of every signal of a run, for the database at a level; made once."""
+    robot = robot_of(database, level, run)
+    sensor, free = _sensor(robot, run)
+    off = tolerance_changes(robot, database.tolerance, run)
+    tolerance: dict[str, Vector] = {}
+    freedom: dict[str, Vector] = {}
+    for name, sigma in sensor.items():
+        floor = NUMERICAL * np.sqrt(_mean(np.square(run.signals[name]))) if name != "ee_rot" else NUMERICAL
+        sensor[name] = np.maximum(sigma, floor)
+        spread = off.get(name)
+        size = len(sigma)
+        if spread is None or not spread.size:
+            tolerance[name], loose = np.zeros(size), np.ones(size)
+        else:
+            tolerance[name] = np.sqrt(np.mean(np.sum(np.square(spread), axis=0), axis=0))
+            loose = np.array([_participation(spread[:, :, i]) for i in range(size)])
+        known = STATED if name in run.noise else ESTIMATED
+        a, b = sensor[name] ** 2, tolerance[name] ** 2
+        scatter = 2.0 * a * a / free[name] + 2.0 * b * b / loose + (2.0 * known * a) ** 2
+        freedom[name] = 2.0 * (a + b) ** 2 / scatter
+    return Noise(sensor, tolerance, freedom)
+
+
+def _mean(values: Vector) -> Vector:
+    """Mean over time of what is there, 0 where nothing is, shape (n,)."""
+    count = np.isfinite(values).sum(axis=0)
+    return np.nansum(values, axis=0) / np.maximum(count, 1)
+
+
+def _participation(changes: Vector) -> float:
+    """How many independent draws of equal size scatter like a sum of changes (p, k), each of random size."""
+    gram = changes @ changes.T
+    total = float(np.trace(gram))
+    return total * total / float(np.sum(np.square(gram))) if total > 0.0 else 1.0
+
+
+def _sensor(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:
+    """Standard deviation and effective number of samples of what sensors add to each channel of a run."""
+    mode = run.control.mode
+    if mode == "unknown":
+        return _through_inverse_dynamics(robot, run)
+    sigma: dict[str, Vector] = {}
+    samples: dict[str, Vector] = {}
+    for name in (name for name in MEASURED if run.has(name)):
+        noise = noise_of(run, name)
+        size = 3 if name.startswith("ee") else run.n
+        sigma[name] = noise.sigma * np.ones(size)
+        samples[name] = _independent(noise, int(np.isfinite(run.signals[name]).any(axis=1).sum())) * np.ones(size)
+    if mode == "pd" and "tau" in sigma:
+        sigma["tau"] = np.hypot(sigma["tau"], _fed_back(run))
+    if mode == "torque":
+        _add_start(robot, run, sigma, samples)
+    return sigma, samples
+
+
+def _independent(noise: ChannelNoise, m: int) -> Vector:
+    """Effective number of samples of squares (Bartlett): m / sum of the squared autocorrelations, shape (n,)."""
+    return np.array([m / _squared_correlation(ar) for ar in noise.ar])
+
+
+def _squared_correlation(ar: Vector, lags: int = 4000) -> float:
+    """Sum over all lags, 0 and both signs, of the squared autocorrelation of an autoregressive process (p,)."""
+    signal: Any = import_module("scipy.signal")
+
+    if not np.any(ar):
+        return 1.0
+    impulse = np.zeros(lags)
+    impulse[0] = 1.0
+    response = np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), impulse))
+    spectrum = np.abs(np.fft.rfft(response, 2 * lags)) ** 2
+    correlation = np.fft.irfft(spectrum)[:lags]
+    correlation = correlation / correlation[0]
+    return float(2.0 * np.sum(np.square(correlation)) - 1.0)
+
+
+def _drawn(run: Run, noise: ChannelNoise, seed: int) -> Vector:
+    """Noise of a channel like the recorded one, shape (m, n)."""
+    signal: Any = import_module("scipy.signal")
+
+    m, warm = len(run.t), 500
+    white = np.random.default_rng(seed).normal(size=(m + warm, len(noise.sigma)))
+    out = np.empty((m, len(noise.sigma)))
+    for i, (sigma, ar) in enumerate(zip(noise.sigma, noise.ar, strict=True)):
+        coloured = np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), white[:, i]))[warm:]
+        out[:, i] = float(sigma) * coloured / max(float(np.std(coloured)), 1e-300)
+    return out
+
+
+def _fed_back(run: Run) -> Vector:
+    """Noise of the torque [N m or N] that a controller makes of its sensor's, where the record shows it, shape (n,)."""
+    control = run.control
+    q, tau = run.signals["q"], run.signals["tau"]
+    noise = noise_of(run, "q")
+    out = np.zeros(run.n)
+    for i in range(run.n):
+        if i >= len(control.kp):
+            break
+        if run.has("dq"):
+            back = -control.kp[i] * q[:, i] - control.kd[i] * run.signals["dq"][:, i]
+        else:
+            back = -control.kp[i] * q[:, i]
+        x, y = (np.diff(values, 4) for values in (back, tau[:, i]))
+        good = np.isfinite(x) & np.isfinite(y)
+        if good.sum() < 100:
+            continue
+        x, y = x[good] - np.mean(x[good]), y[good] - np.mean(y[good])
+        power = float(x @ x)
+        if power > 0.0 and float(x @ y) / power > SEEN:
+            out[i] = float(x @ y) / power * control.kp[i] * float(noise.sigma[i])
+            if run.has("dq"):
+                out[i] = np.hypot(out[i], control.kd[i] * float(noise_of(run, "dq").sigma[i]))
+    return out
+
+
+def _through_inverse_dynamics(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:
+    """Mode unknown: torque's noise behind the filter, and the position's behind filter, derivatives and masses."""
+    grid, arms = smoothed(run), dynamics(robot, always_compiled=True)
+    inside = slice(grid.edge, len(grid.t) - grid.edge)
+    rotor = np.array([0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
+    base = arms.inverse_dynamics(grid.q, grid.dq, grid.ddq) + rotor * grid.ddq
+    names = [name for name in ("tau", "tau_link") if run.has(name)]
+    found: dict[str, list[Vector]] = {name: [] for name in names}
+    for draw in range(DRAWS):
+        extra = {name: _drawn(run, noise_of(run, name), 100 * draw + k) for k, name in enumerate(("q", *names))}
+        other = prepared(run, grid.band, extra)
+        torque = arms.inverse_dynamics(other.q, other.dq, other.ddq) + rotor * other.ddq - base
+        for name in names:
+            found[name].append((other.measured[name] - grid.measured[name] - torque)[inside])
+    sigma = {name: np.sqrt(np.mean(np.square(values), axis=(0, 1))) for name, values in found.items()}
+    return sigma, {name: np.array([_effective(v[0][:, i]) for i in range(run.n)]) for name, v in found.items()}
+
+
+def _effective(values: Vector) -> float:
+    """Effective number of samples of the squares of a series (m,)."""
+    m = len(values)
+    power = np.abs(np.fft.rfft(values - np.mean(values), 2 * m)) ** 2
+    correlation = np.fft.irfft(power)[:m]
+    if correlation[0] <= 0.0:
+        return float(m)
+    correlation = correlation / correlation[0]
+    # beyond a tenth of the record there is nothing but chance
+    return float(max(2.0, m / (2.0 * np.sum(np.square(correlation[: max(2, m // 10)])) - 1.0)))
+
+
+def _add_start(robot: Robot, run: Run, sigma: dict[str, Vector], samples: dict[str, Vector]) -> None:
+    """Mode torque: what noise in a window's first state grows to within it, into sigma and samples."""
+    grid = smoothed(run)
+    noise = noise_of(run, "q")
+    starts = np.arange(0.0, run.t[-1], WINDOW)
+    at = np.clip(np.round(starts / grid.h).astype(np.int64), 0, len(grid.t) - 1)
+    others = [prepared(run, grid.band, {"q": _drawn(run, noise, seed)}) for seed in range(DRAWS)]
+    place = np.sqrt(np.mean([np.square((other.q - grid.q)[at]) for other in others], axis=(0, 1)))
+    speed = np.sqrt(np.mean([np.square((other.dq - grid.dq)[at]) for other in others], axis=(0, 1)))
+    grown = np.sqrt(place**2 + speed**2 * WINDOW**2 / 3.0)
+    through = kinematics(robot).jacobian(grid.q[:: max(1, len(grid.t) // 50)])
+    added = {"q": grown, "q_link": grown, "dq": speed}
+    added["ee"] = np.sqrt(np.mean(np.sum(np.square(through[:, :3] * grown), axis=2), axis=0))
+    added["ee_rot"] = np.sqrt(np.mean(np.sum(np.square(through[:, 3:] * grown), axis=2), axis=0))
+    for name in (name for name in sigma if name in added):
+        a, b = sigma[name] ** 2, added[name] ** 2
+        samples[name] = (a + b) ** 2 / np.maximum(a * a / samples[name] + b * b / len(starts), 1e-300)
+        sigma[name] = np.sqrt(a + b)
+
+
+def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str, Vector]:
+    """How a run's signals change with one sigma of each number that may be off, at some instants, linearly.
+
+    Torques by inverse dynamics at the measured motion; under a controller (or in windows of given torque) the motion
+    gives way as the linearised robot does.
+
+    Returns:
+        Signal -> changes, shape (p, k, n), ee and ee_rot (p, k, 3); empty where all tolerances are 0.
+    """
+    variants = list(perturbed(robot, tolerance))
+    if not variants:
+        return {}
+    grid = smoothed(run)
+    every = max(1, round(1.0 / (TOLERANCE_RATE * grid.h)))
+    q, dq, ddq = (values[::every] for values in (grid.q, grid.dq, grid.ddq))
+    h = grid.h * every
+    arms = dynamics(robot, always_compiled=True)
+    base = arms.inverse_dynamics(q, dq, ddq)
+    torque = np.array([dynamics(other, always_compiled=True).inverse_dynamics(q, dq, ddq) - base for other in variants])
+    chain = kinematics(robot)
+    tool, jacobian = chain.tool_and_jacobian(q)
+    tools = [kinematics(other).tool_in_base(q) for other in variants]
+    place = np.array([other[:, :3, 3] - tool[:, :3, 3] for other in tools])
+    turn = np.array([_small_turn(other[:, :3, :3] @ np.swapaxes(tool[:, :3, :3], -1, -2)) for other in tools])
+    way, rate = np.zeros_like(torque), np.zeros_like(torque)
+    reported = torque
+    mode = run.control.mode
+    if mode in ("pd", "torque"):
+        kp, kd = (
+            np.array(gains) if mode == "pd" and gains else np.zeros(run.n) for gains in (run.control.kp, run.control.kd)
+        )
+        rotor = np.diag([0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
+        every_window = round(WINDOW / h) if mode == "torque" else 0
+        way, rate = _giving_way(arms.mass_matrix(q) + rotor, kp, kd, torque, h, every_window)
+        reported = -(kp * way + kd * rate)
+    moved = np.einsum("kij,pkj->pki", jacobian, way)
+    changes = {"q": way, "dq": rate, "q_link": way, "tau": reported, "tau_link": torque}
+    changes |= {"ee": place + moved[..., :3], "ee_rot": turn + moved[..., 3:]}
+    return changes
+
+
+def _giving_way(mass: Vector, kp: Vector, kd: Vector, torque: Vector, h: float, window: int) -> tuple[Vector, Vector]:
+    """Positions and speeds, shapes (p, k, n), by which a controlled robot gives way to torques it does not know.
+
+    Newmark's method with constant average acceleration on M x'' + Kd x' + Kp x = -torque.
+
+    Args:
+        mass: M at every instant, shape (k, n, n).
+        kp: Gains on position, shape (n,).
+        kd: Gains on speed, shape (n,).
+        torque: Shape (p, k, n).
+        h: Step [s].
+        window: Begin anew from rest at zero every so many instants; 0: never, and begin settled.
+    """
+    p, k, n = torque.shape
+    x, v = np.zeros((p, k, n)), np.zeros((p, k, n))
+    held = kp > 0.0
+    if not window:
+        x[:, 0, held] = -torque[:, 0, held] / kp[held]
+    a: Vector = np.zeros((p, n))
+    for j in range(1, k):
+        if window and j % window == 0:
+            continue
+        if window and j % window == 1:
+            a = _solved(mass[j - 1], -torque[:, j - 1])
+        guess = x[:, j - 1] + h * v[:, j - 1] + 0.25 * h * h * a
+        speed = v[:, j - 1] + 0.5 * h * a
+        left = -torque[:, j] - kp * guess - kd * speed
+        a = _solved(mass[j] + np.diag(0.5 * h * kd + 0.25 * h * h * kp), left)
+        x[:, j], v[:, j] = guess + 0.25 * h * h * a, speed + 0.5 * h * a
+    return x, v
+
+
+def _solved(matrix: Vector, rows: Vector) -> Vector:
+    """Solutions of matrix x = row, a row each, shape (p, n)."""
+    return np.asarray(np.linalg.solve(matrix, rows.T).T, dtype=np.float64)
+
+
+def _small_turn(rotation: Vector) -> Vector:
+    """Rotation vectors of small turns (..., 3, 3), shape (..., 3) [rad]."""
+    r = rotation
+    return 0.5 * np.stack(
+        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1
+    )
+
+
+def perturbed(robot: Robot, tolerance: Tolerance) -> Iterator[Robot]:
+    """The robot with one number after the other off by one sigma: masses, their centers, moments, lengths, angles."""
+    for i, stage in enumerate(robot.stages):
+        for arm in _perturbed_arms(stage.arm, tolerance):
+            stages = list(robot.stages)
+            stages[i] = replace(stage, arm=arm)
+            yield replace(robot, stages=tuple(stages))
+
+
+def _perturbed_arms(arm: Arm, tolerance: Tolerance) -> Iterator[Arm]:
+    body, link = arm.inertia, arm.link
+    if tolerance.mass and body.mass:
+        yield replace(arm, inertia=replace(body, mass=body.mass * (1.0 + tolerance.mass)))
+    if tolerance.com and body.mass:
+        for axis in range(3):
+            com = tuple(value + tolerance.com * (k == axis) for k, value in enumerate(body.com))
+            yield replace(arm, inertia=replace(body, com=com))
+    if tolerance.inertia:
+        for name in ("xx", "yy", "zz"):
+            yield replace(arm, inertia=replace(body, **{name: getattr(body, name) * (1.0 + tolerance.inertia)}))
+    for size, names in ((tolerance.length, ("a", "d")), (tolerance.angle, ("alpha", "theta"))):
+        if size:
+            for name in names:
+                yield replace(arm, link=replace(link, **{name: getattr(link, name) + size}))
+
+
+def significant(left: Mapping[str, Vector], noise: Noise) -> float:
+    """Probability that a perfect model would leave a mean square as large in any channel of a run.
+
+    Every channel is tested against a chi-square distribution of its degrees of freedom, which know how noise is
+    correlated in time and how well its size is known; the smallest probability counts as often as there are channels.
+
+    Args:
+        left: Measured minus simulated, (m, n) or (m, 3) a signal.
+        noise: Of the run.
+    """
+    return significance([left], [noise])
+
+
+def significance(left: list[Mapping[str, Vector]], noises: list[Noise]) -> float:
+    """`significant` over several runs: all of their channels are tested together."""
+    from scipy.stats import chi2
+
+    found: list[float] = []
+    for one, noise in zip(left, noises, strict=True):
+        for name, sigma in noise.sigma.items():
+            if name not in one:
+                continue
+            known = np.isfinite(one[name]).any(axis=0)
+            x = _mean(np.square(one[name])) / np.maximum(sigma, 1e-300) ** 2
+            freedom = noise.freedom[name]
+            found += np.asarray(chi2.sf(freedom * x, freedom))[known].tolist()
+    return min(1.0, len(found) * min(found)) if found else 1.0

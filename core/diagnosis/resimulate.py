@@ -1,0 +1,265 @@
+"""What a simulation gives for every signal of a recorded run, at the run's own stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from importlib import import_module
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..control import Control
+from ..expansion import expanded
+from ..kinematics import dynamics
+from ..motion import MotionLaw, from_table, hold
+from ..recording import Run, noise_of
+from ..recording.run import MEASURED
+from ..representation import Robot
+from ..simulation import Backend, MachineState, Trace, simulate
+from ..simulation.settle import sagged
+from .prepare import Prepared, prepared
+
+Vector = NDArray[np.float64]
+
+# torque alone lets a simulation drift away: it is begun anew from what was measured
+WINDOW = 0.5
+# a stamp this near to a uniform clock is on it [s]
+ON_CLOCK = 1.0e-7
+# a record between whose samples is interpolated
+FINE_RATE = 1000.0
+# the first part of a run that tells whether it began at rest: seconds, and samples at least
+BEGINNING, FEWEST = 0.02, 8
+# what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
+PLAIN, FAST = 8.0, 0.02
+# finer ticks where a delay is not a whole number of them
+FINER = 4
+
+
+@lru_cache(maxsize=32)
+def smoothed(run: Run) -> Prepared:
+    """The run behind the zero-phase filter that mode unknown is compared through, made once a run."""
+    return prepared(run)
+
+
+def resimulated(
+    robot: Robot, nominal: Robot, run: Run, backend: Backend | str, *, step: float | None = None
+) -> dict[str, Vector]:
+    """Every signal that the run has, as the simulation gives it under the same command and controller.
+
+    Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
+    in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the
+    measured positions behind a zero-phase filter.
+
+    Args:
+        robot: With all that it is thought to have.
+        nominal: Whose rigid bodies the controller's feedforward knows.
+        run: As read.
+        backend: Which engine, or its name.
+        step: Integration step [s]; None: chosen from the largest eigenvalue.
+
+    Returns:
+        Signal -> values at run.t: (m, n), ee (m, 3), ee_rot (m, 4) as w x y z.
+
+    Raises:
+        RefusedError: The backend refuses this robot or this run.
+    """
+    mode = run.control.mode
+    if mode == "torque":
+        return _in_windows(robot, run, backend, step)
+    if mode == "unknown":
+        grid = smoothed(run)
+        law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
+        return _simulated(robot, nominal, run, backend, law, control, None, step)
+    start = start_of(robot, run) if mode == "pd" else None
+    return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
+
+
+def compared(run: Run) -> dict[str, Vector]:
+    """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
+
+    In mode unknown that is torque alone, behind the filter that the motion was smoothed with.
+    """
+    if run.control.mode != "unknown":
+        return {name: run.signals[name] for name in MEASURED if run.has(name)}
+    grid = smoothed(run)
+    found: dict[str, Vector] = {}
+    inside = (run.t >= grid.t[grid.edge]) & (run.t <= grid.t[-1 - grid.edge])
+    for name in ("tau", "tau_link"):
+        if run.has(name):
+            values = _between(grid.t, grid.measured[name], run.t)
+            known = np.isfinite(run.signals[name]) & inside[:, None]
+            found[name] = np.where(known, values, np.nan)
+    return found
+
+
+def residuals(run: Run, simulated: Mapping[str, Vector]) -> dict[str, Vector]:
+    """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad]."""
+    left: dict[str, Vector] = {}
+    for name, measured in compared(run).items():
+        if name == "ee_rot":
+            left[name] = _turn(measured, simulated[name])
+        elif name in simulated:
+            left[name] = measured - simulated[name]
+    return left
+
+
+def start_of(robot: Robot, run: Run) -> MachineState | None:
+    """The measured state at the first row, where a run plainly does not begin at rest; None where it does.
+
+    The arm sides stand behind their springs as gravity lets them, and move with the motor sides.
+    """
+    first = (run.t <= BEGINNING) | (np.arange(len(run.t)) < FEWEST)
+    q, dq = np.empty(run.n), np.empty(run.n)
+    sigma = noise_of(run, "q").sigma
+    moving = False
+    fastest = np.nanmax(np.abs(smoothed(run).dq), axis=0)
+    for i, column in enumerate(run.signals["q"][first].T):
+        good = np.isfinite(column)
+        if good.sum() < 4:
+            return None
+        t = run.t[first][good]
+        terms = np.vander(t, 3, increasing=True)
+        covariance = np.linalg.inv(terms.T @ terms)
+        q[i], dq[i], _ = covariance @ (terms.T @ column[good])
+        spread = float(sigma[i]) * float(np.sqrt(covariance[1, 1]))
+        moving |= bool(abs(dq[i]) > PLAIN * spread and abs(dq[i]) > FAST * fastest[i])
+    return state_at(robot, q, dq) if moving else None
+
+
+def state_at(robot: Robot, reported: Vector, dtheta: Vector) -> MachineState:
+    """The state of a robot whose motors report positions and speeds (n,), its arms where gravity lets them hang."""
+    whole = expanded(robot, imposed=False)
+    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    theta, speed = whole.spread(reported - offsets), whole.spread(dtheta)
+    q = sagged(whole.robot, dynamics(whole.robot, always_compiled=True), theta)
+    passive = np.array([stage.drive.passive for stage in whole.robot.stages])
+    return MachineState(0.0, q, speed, np.where(passive, q, theta), speed.copy())
+
+
+def _simulated(
+    robot: Robot,
+    nominal: Robot,
+    run: Run,
+    backend: Backend | str,
+    law: MotionLaw,
+    control: Control,
+    start: MachineState | None,
+    step: float | None,
+) -> dict[str, Vector]:
+    rate = run.rate
+    rows = np.round(run.t * rate)
+    rate = float(rows[-1] / run.t[-1])
+    on_clock = bool(np.all(np.abs(run.t - rows / rate) <= ON_CLOCK))
+    if not on_clock:
+        rate = max(FINE_RATE, run.rate) if control.mode == "motion" else max(control.rate, run.rate)
+    duration = float(run.t[-1]) + (0.0 if on_clock else 1.0 / rate)
+    trace = simulate(
+        robot, backend, law, control, duration=duration, rate=rate, step=step, start=start, nominal=nominal
+    )
+    if on_clock:
+        # rows that are missing in the record were simulated too
+        return {name: values[rows.astype(np.int64)] for name, values in _signals(trace, run).items()}
+    return _at(run.t, trace.t, _signals(trace, run), held=control.mode == "pd")
+
+
+def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:
+    """Mode torque: every window begins where the smoothed measurement was; a delayed torque is there from before."""
+    ticks = run.control.rate * robot.delay
+    rate = run.control.rate * (1 if abs(ticks - round(ticks)) < 1.0e-6 else FINER)
+    control = replace(run.control, rate=rate)
+    prompt = replace(robot, delay=0.0)
+    grid = smoothed(run)
+    spans = max(1, int(np.ceil(run.t[-1] / WINDOW - 1.0e-9)))
+    # windows begin on ticks
+    edges = [round(run.duration * k / spans * run.control.rate) / run.control.rate for k in range(spans + 1)]
+    pieces: list[dict[str, Vector]] = []
+    for number, (begin, end) in enumerate(pairwise(edges)):
+        last = number == spans - 1
+        inside = (run.t >= begin - ON_CLOCK) & ((run.t < end - ON_CLOCK) | last)
+        if not inside.any():
+            continue
+        duration = float(max(end, run.t[inside][-1]) - begin) + 2.0 / rate
+        torque = held_torque(run, begin + np.arange(int(duration * rate) + 2) / rate - robot.delay)
+        q, dq = (_between(grid.t, values, np.array([begin]))[0] for values in (grid.q, grid.dq))
+        trace = simulate(
+            prompt,
+            backend,
+            hold(q, duration),
+            control,
+            duration=duration,
+            rate=rate,
+            step=step,
+            start=state_at(prompt, q, dq),
+            torque=torque,
+        )
+        pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run), held=True))
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def held_torque(run: Run, times: Vector) -> Vector:
+    """The commanded torque at times [s], held from each row to the next, shape (..., n); 0 at joints without one."""
+    commanded = np.nan_to_num(run.signals["tau_cmd"])
+    at = np.searchsorted(run.t, times + ON_CLOCK, side="right") - 1
+    return commanded[np.clip(at, 0, len(commanded) - 1)]
+
+
+def _signals(trace: Trace, run: Run) -> dict[str, Vector]:
+    """Those signals of a trace that the run has."""
+    rotation: Any = import_module("scipy.spatial.transform").Rotation
+
+    found = {name: trace.joints[name] for name in MEASURED if run.has(name) and name in trace.joints}
+    if run.has("ee"):
+        found["ee"] = trace.tip
+    if run.has("ee_rot"):
+        found["ee_rot"] = rotation.from_matrix(trace.tool_in_base[:, :3, :3]).as_quat()[:, [3, 0, 1, 2]]
+    return found
+
+
+def _at(times: Vector, grid: Vector, signals: Mapping[str, Vector], *, held: bool) -> dict[str, Vector]:
+    """Signals of a uniform grid at other times; a motor torque that is held between ticks stays held."""
+    found: dict[str, Vector] = {}
+    for name, values in signals.items():
+        if name == "tau" and held:
+            at = np.searchsorted(grid, times + ON_CLOCK, side="right") - 1
+            found[name] = values[np.clip(at, 0, len(grid) - 1)]
+        elif name == "ee_rot":
+            # neighbouring quaternions of one hemisphere
+            flips = np.cumprod(np.where(np.sum(values[1:] * values[:-1], axis=1) < 0.0, -1.0, 1.0))
+            near = _between(grid, values * np.concatenate([[1.0], flips])[:, None], times)
+            found[name] = near / np.linalg.norm(near, axis=1, keepdims=True)
+        else:
+            found[name] = _between(grid, values, times)
+    return found
+
+
+def _between(grid: Vector, values: Vector, times: Vector) -> Vector:
+    """Cubic interpolation of what is smooth, shape (k, n)."""
+    interpolate: Any = import_module("scipy.interpolate")
+
+    if len(grid) < 4:
+        return linear(grid, values, times)
+    return np.asarray(interpolate.CubicSpline(grid, values)(times))
+
+
+def linear(grid: Vector, values: Vector, times: Vector) -> Vector:
+    """Linear interpolation, shape (k, n)."""
+    out = np.empty((len(times), values.shape[1]))
+    for i in range(values.shape[1]):
+        out[:, i] = np.interp(times, grid, values[:, i])
+    return out
+
+
+def _turn(measured: Vector, simulated: Vector) -> Vector:
+    rotation: Any = import_module("scipy.spatial.transform").Rotation
+
+    known = np.isfinite(measured).all(axis=1)
+    left = np.full((len(measured), 3), np.nan)
+    order = [1, 2, 3, 0]
+    if known.any():
+        real, ours = rotation.from_quat(measured[known][:, order]), rotation.from_quat(simulated[known][:, order])
+        left[known] = (real * ours.inv()).as_rotvec()
+    return left
