@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path, PurePosixPath
 
 from .errors import UsageError
 
 
-def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False) -> tuple[Path, ...]:
+def write_whole(
+    folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, without: Iterable[str] = ()
+) -> tuple[Path, ...]:
     """Write files into a folder; all of them appear, complete, or none does.
 
     Everything is written beside its place under a hidden name first and moved only when all of it is there.
@@ -19,6 +21,7 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         folder: Where to; made if it is not there.
         files: Relative POSIX path to content; text is written as UTF-8.
         force: Replace files that are there.
+        without: Relative paths of files that go when the others are there.
 
     Returns:
         The paths written, in the order given.
@@ -43,7 +46,7 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         try:
             for number, (_, content) in enumerate(targets):
                 (staging / str(number)).write_bytes(content)
-            _move_all(staging, [path for path, _ in targets])
+            _move_all(staging, [path for path, _ in targets], [folder / name for name in without])
         finally:
             shutil.rmtree(staging, ignore_errors=True)
     except BaseException as error:
@@ -56,8 +59,14 @@ def write_whole(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
     return tuple(path for path, _ in targets)
 
 
-def _move_all(staging: Path, places: list[Path]) -> None:
-    """Move the files that were staged by number to their places; where one cannot be moved, put back what was there."""
+def _move_all(staging: Path, places: list[Path], going: list[Path]) -> None:
+    """Move the files that were staged by number to their places; where one cannot be moved, put back what was there.
+
+    Args:
+        staging: Where they are; what was there before goes here too.
+        places: One a file.
+        going: Files that go.
+    """
     moved: list[tuple[Path, Path | None]] = []
     try:
         for number, place in enumerate(places):
@@ -68,6 +77,10 @@ def _move_all(staging: Path, places: list[Path]) -> None:
                 place.replace(old)
             moved.append((place, old))
             (staging / str(number)).replace(place)
+        for number, place in enumerate(going, start=len(places)):
+            old = staging / f"old-{number}"
+            place.replace(old)
+            moved.append((place, old))
     except BaseException:
         for place, old in reversed(moved):
             place.unlink(missing_ok=True)

@@ -65,3 +65,12 @@ def test_no_path_leaves_the_folder(tmp_path, name):
     with pytest.raises(UsageError, match="outside"):
         write_whole(tmp_path / "in", {name: "x"})
     assert not (tmp_path / "in").exists()
+
+
+def test_files_go_with_the_write_or_stay(tmp_path, breaking):
+    (tmp_path / "old.txt").write_text("old")
+    with pytest.raises((UsageError, KeyboardInterrupt)):
+        write_whole(tmp_path, FILES, without=["old.txt"])
+    assert tree(tmp_path) == {"old.txt": b"old"}
+    write_whole(tmp_path, FILES, without=["old.txt"])
+    assert set(tree(tmp_path)) == {"a.txt", "sub/b.txt", "c.bin"}

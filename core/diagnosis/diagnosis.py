@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database, MotionTable
 from ..effects import EffectRow
+
+if TYPE_CHECKING:
+    import pandas
 
 Vector = NDArray[np.float64]
 Verdict = Literal["no_gap", "explained", "partly_explained", "unexplained"]
@@ -260,3 +263,15 @@ class Diagnosis:
         from .as_json import as_json
 
         return as_json(self)
+
+    def summary(self) -> str:
+        """The verdict in a few plain lines."""
+        from .words import summary
+
+        return summary(self)
+
+    def frame(self) -> pandas.DataFrame:
+        """The findings as a table: a row a parameter, values in SI, `low` and `high` its 95 % interval."""
+        from .table import frame
+
+        return frame(self)
