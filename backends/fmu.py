@@ -101,10 +101,11 @@ def _of_program(program: Program, mode: int, compiled: bool) -> list[Concept]:
     concepts = [Concept("motion", "all joints", "exact", f"within the unit as polynomials; it starts with {moved}")]
     if program.control.mode == "pd":
         concepts.append(Concept("control", "all joints", "impossible", "the controller is outside; its torque goes in"))
-    how = "in the archive, for this platform" if compiled else "none, for want of a C compiler: compile the sources"
-    concepts.append(Concept("binary", "robot", "exact", how))
+    if not compiled:
+        how = "sources only, for want of a C compiler here; whoever imports the unit has to compile them"
+        concepts.append(Concept("binary", "robot", "impossible", how))
     return concepts
 
 
 def _fate(datum: str, i: int) -> Fate:
-    return _FATES.get(datum, ("exact", f"parameters joint_{i + 1}.{datum} or numbers within"))
+    return _FATES.get(datum, ("exact", "parameters of the joint, by the effect's name"))
