@@ -26,7 +26,7 @@ LEVELS = [
     {"export"},
     {"agreement"},
     {"diagnosis", "conformance", "study"},
-    {"report"},
+    {"report", "studio"},
     {"cli"},
 ]
 LEVEL = {part: number for number, parts in enumerate(LEVELS) for part in parts}

@@ -84,7 +84,7 @@ def find_places(name: str, at: str, database: Database) -> tuple[Place, ...]:
     column = column if dot else table
     columns = [entry.name for entry in _columns(table)]
     if not columns:
-        raise UsageError(f"{name!r}: a database has no table {table!r}; {nearest(table, _tables())}")
+        raise UsageError(f"{name!r}: a database has no table {table!r}; {nearest(table, tables())}")
     if column not in columns:
         raise UsageError(f"{name!r}: {table} has no column {column!r}; {nearest(column, columns)}")
     if table in _FIXED_TABLES and table != "joints" and database.kinematics_convention == "modified":
@@ -101,6 +101,21 @@ def find_places(name: str, at: str, database: Database) -> tuple[Place, ...]:
     if at not in known:
         raise UsageError(f"{name!r} at {at!r}: {database.name} has {table} at {', '.join(known)} (or all).")
     return (Place(table, column, key, rows[known.index(at)]),)
+
+
+def tables() -> tuple[str, ...]:
+    """Every table, and every key of robot.yaml, that has numbers which a run depends on."""
+    return (*_FIXED_TABLES, *_SETTINGS, *catalogue())
+
+
+def columns(table: str) -> tuple[Column, ...]:
+    """Columns of numbers that a table has; () where there is no such table."""
+    return _columns(table)
+
+
+def rows(table: str, column: str, database: Database) -> tuple[Place, ...]:
+    """Every place that a column may have in a robot, whether a row is there or not."""
+    return tuple(Place(table, column, _key(table), at) for at in _rows_of(table, database))
 
 
 def value_at(database: Database, place: Place) -> float | None:
@@ -272,7 +287,3 @@ def _rows_of(table: str, database: Database) -> list[int]:
     if _key(table) == "robot":
         return [0]
     return list(range(0 if table == "corrections" else 1, database.n + 1))
-
-
-def _tables() -> list[str]:
-    return [*_FIXED_TABLES, *_SETTINGS, *catalogue()]
