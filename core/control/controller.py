@@ -54,7 +54,7 @@ class Controller:
         self.tick_times: Vector = np.arange(count) / control.rate
         self.switch_times: Vector = self.tick_times + robot.delay
         self._q_cmd, self._dq_cmd, ddq_cmd = motion.at(self.tick_times)
-        self._feedforward = _feedforward(nominal, control, self._q_cmd, self._dq_cmd, ddq_cmd)
+        self._feedforward = feedforward_along(nominal, control, self._q_cmd, self._dq_cmd, ddq_cmd)
         pd = control.mode == "pd"
         self.kp: Vector = np.array(control.kp if pd else [0.0] * n) * np.array(robot.kp_factor or [1.0] * n)
         self.kd: Vector = np.array(control.kd if pd else [0.0] * n) * np.array(robot.kd_factor or [1.0] * n)
@@ -96,7 +96,7 @@ class Controller:
         return self._torques[k]
 
 
-def _feedforward(nominal: Robot, control: Control, q: Vector, dq: Vector, ddq: Vector) -> Vector:
+def feedforward_along(nominal: Robot, control: Control, q: Vector, dq: Vector, ddq: Vector) -> Vector:
     """Torque of the nominal rigid bodies at the command, shape (m, n)."""
     if control.mode != "pd" or control.feedforward == "none":
         return np.zeros_like(q)

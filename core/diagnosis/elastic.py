@@ -1,0 +1,115 @@
+"""Arms behind springs whose motor sides move as recorded; plain text that Numba compiles.
+
+Newmark's method with constant average acceleration (Newmark, 1959): second order, stable at any step, and free of
+damping of its own, so that a spring may be much stiffer than the record is fast.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..kinematics.rigid_body import mass_matrix_and_bias
+from ..simulation.drive_law import factorised, solved
+
+# the state of rest is found by so many steps of a fixed point
+REST_ITERATIONS = 50
+
+
+def arms_along(
+    chain: Any,
+    elastic: Any,
+    stiffness: Any,
+    damping: Any,
+    half_gap: Any,
+    arm_stiffness: Any,
+    arm_rest: Any,
+    h: float,
+    theta: Any,
+    dtheta: Any,
+    ddtheta: Any,
+    q: Any,
+    dq: Any,
+    ddq: Any,
+) -> None:
+    """Motion of the arms that a recorded motion of the motor sides makes; rigid joints follow it.
+
+    Args:
+        chain: The arms, a ChainTable of n joints.
+        elastic: Indices of the joints with a spring, shape (e,), int64.
+        stiffness: Of every joint's spring, shape (n,).
+        damping: Of the same.
+        half_gap: Half of its clearance.
+        arm_stiffness: Of springs on the arms, shape (n,).
+        arm_rest: Where these rest.
+        h: Time between samples [s].
+        theta: Motor sides (with transmission errors), shape (m, n).
+        dtheta: Their speeds.
+        ddtheta: Their accelerations.
+        q: Out: arm sides, shape (m, n); they begin at rest under gravity.
+        dq: Out: their speeds.
+        ddq: Out: their accelerations.
+    """
+    m, n = theta.shape
+    e = len(elastic)
+    mass = np.empty((n, n))
+    bias = np.empty(n)
+    reduced = np.empty((e, e))
+    change = np.empty(e)
+    pull = np.empty(e)
+    give = np.empty(e)
+    for k in range(m):
+        for i in range(n):
+            q[k, i] = theta[k, i]
+            dq[k, i] = dtheta[k, i]
+            ddq[k, i] = ddtheta[k, i]
+    still = np.zeros(n)
+    for _ in range(REST_ITERATIONS):
+        mass_matrix_and_bias(chain, q[0], still, mass, bias)
+        for a in range(e):
+            i = elastic[a]
+            load = bias[i] + arm_stiffness[i] * (q[0, i] - arm_rest[i])
+            clearance = half_gap[i] if load > 0.0 else -half_gap[i]
+            q[0, i] = theta[0, i] - load / stiffness[i] - clearance
+    for a in range(e):
+        dq[0, elastic[a]] = dtheta[0, elastic[a]]
+        ddq[0, elastic[a]] = ddtheta[0, elastic[a]]
+    for k in range(1, m):
+        for a in range(e):
+            i = elastic[a]
+            q[k, i] = q[k - 1, i] + h * dq[k - 1, i] + 0.5 * h * h * ddq[k - 1, i]
+            dq[k, i] = dq[k - 1, i] + h * ddq[k - 1, i]
+            ddq[k, i] = ddq[k - 1, i]
+        mass_matrix_and_bias(chain, q[k], dq[k], mass, bias)
+        # two passes: the second knows on which side of its clearance each spring ends up
+        for _ in range(2):
+            for a in range(e):
+                i = elastic[a]
+                stretch = theta[k, i] - q[k, i]
+                pull[a] = stiffness[i]
+                give[a] = damping[i]
+                rest = 0.0
+                if half_gap[i] > 0.0:
+                    if stretch > half_gap[i]:
+                        rest = half_gap[i]
+                    elif stretch < -half_gap[i]:
+                        rest = -half_gap[i]
+                    else:
+                        pull[a] = 0.0
+                        give[a] = 0.0
+                force = pull[a] * (stretch - rest) + give[a] * (dtheta[k, i] - dq[k, i])
+                force -= arm_stiffness[i] * (q[k, i] - arm_rest[i])
+                change[a] = force - bias[i]
+                for j in range(n):
+                    change[a] -= mass[i, j] * ddq[k, j]
+                for b in range(e):
+                    reduced[a, b] = mass[i, elastic[b]]
+                reduced[a, a] += 0.5 * h * give[a] + 0.25 * h * h * (pull[a] + arm_stiffness[i])
+            factorised(reduced)
+            solved(reduced, change)
+            for a in range(e):
+                i = elastic[a]
+                ddq[k, i] += change[a]
+                dq[k, i] += 0.5 * h * change[a]
+                q[k, i] += 0.25 * h * h * change[a]

@@ -1,0 +1,224 @@
+"""Measured minus said, as numbers of unit noise: the one vector in which all effects compete.
+
+Each channel of each run is compared by its cosine transform (DCT-II, orthonormal) below the run's band, each
+coefficient divided by the noise that it would have for a perfect model. The transform keeps white noise white, colours
+become weights, and leaving frequencies out needs no filter. What sensors' noise does to a coefficient, on its way
+through smoothing, differentiation and the controller's gains, is found by sending samples of it that way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import ChannelNoise, Run
+from ..representation import Robot
+from .inverse import Said, said
+from .prepare import Prepared, noise_in, prepared
+
+Vector = NDArray[np.float64]
+
+DRAWS = 4
+# neighbouring coefficients share their noise's estimate, over this part of the band at either side
+NEIGHBOURS = 0.04
+# a joint stands below this part of its own highest speed
+CREEP = 0.01
+SEED = 20131115
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One signal of one joint (or axis) in one run: its coefficients are values[first:last] of the whole."""
+
+    run: int
+    signal: str
+    index: int
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """Everything that is compared, and the weights.
+
+    Attributes:
+        runs: Prepared runs.
+        nominals: Nominal robot of each run.
+        channels: Where each channel's coefficients stand.
+        weights: One over the noise of every coefficient.
+        masks: Run -> signal -> what counts, shape (m, n) of 0 and 1.
+        creeps: Run -> speed below which joints stand.
+    """
+
+    runs: tuple[Prepared, ...]
+    nominals: tuple[Robot, ...]
+    channels: tuple[Channel, ...]
+    weights: Vector
+    masks: tuple[dict[str, Vector], ...]
+    creeps: tuple[Vector, ...]
+
+    def residual(self, robots: Sequence[Robot]) -> Vector:
+        """Measured minus said of these robots, one a run, in units of noise, shape (N,)."""
+        raw = [self._raw(number, robot) for number, robot in enumerate(robots)]
+        return np.concatenate([raw[c.run][c.signal][c.index] for c in self.channels]) * self.weights
+
+    def _raw(self, number: int, robot: Robot) -> dict[str, list[Vector]]:
+        run = self.runs[number]
+        speech = said(robot, run, self.nominals[number], self.creeps[number])
+        return coefficients(run, differences(run, speech), self.masks[number])
+
+
+def differences(run: Prepared, speech: Said) -> dict[str, Vector]:
+    """Measured minus said of every signal that a run has, on its grid; "u": against the controller's own torque."""
+    measured = run.measured
+    out: dict[str, Vector] = {}
+    if "tau" in measured:
+        out["tau"] = measured["tau"] - speech.tau
+        if speech.u is not None:
+            out["u"] = measured["tau"] - speech.u
+    elif speech.u is not None:
+        out["u"] = speech.u - speech.tau
+    for name in ("tau_link", "q_link", "ee"):
+        if name in measured:
+            out[name] = measured[name] - getattr(speech, name)
+    return out
+
+
+def coefficients(run: Prepared, values: dict[str, Vector], masks: dict[str, Vector]) -> dict[str, list[Vector]]:
+    """Cosine coefficients of each channel below the band."""
+    fft: Any = import_module("scipy.fft")
+
+    m = len(run.t)
+    kept = max(4, int(2.0 * run.band * m * run.h))
+    out: dict[str, list[Vector]] = {}
+    for name, series in values.items():
+        spectrum = np.asarray(fft.dct(series * masks[name], type=2, norm="ortho", axis=0))
+        out[name] = list(spectrum[:kept].T)
+    return out
+
+
+def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
+    """What can be compared in these runs.
+
+    Args:
+        runs: As read.
+        nominals: Robot of each run before anything is found.
+    """
+    ready = tuple(prepared(run) for run in runs)
+    creeps = tuple(_creep(run) for run in ready)
+    masks: list[dict[str, Vector]] = []
+    channels: list[Channel] = []
+    weights: list[Vector] = []
+    place = 0
+    for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
+        speech = said(nominal, run, nominal, creep)
+        values = differences(run, speech)
+        mask = _masks(run, values, creep)
+        masks.append(mask)
+        noise = _noise(run, nominal, values, mask, creep)
+        for signal, columns in noise.items():
+            for index, sigma in enumerate(columns):
+                if not mask[signal][:, index].any():
+                    continue
+                channels.append(Channel(number, signal, index, place, place + len(sigma)))
+                weights.append(1.0 / sigma)
+                place += len(sigma)
+    return Evidence(ready, tuple(nominals), tuple(channels), np.concatenate(weights), tuple(masks), creeps)
+
+
+def _creep(run: Prepared) -> Vector:
+    """Speed of a joint below which it stands."""
+    fastest = np.abs(run.dq).max(axis=0)
+    noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.band * np.sqrt(2.0 * run.band / run.run.rate)
+    return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
+
+
+def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str, Vector]:
+    """What counts: no edges, no holes, and no standing joint, whose friction is anywhere between its levels."""
+    masks: dict[str, Vector] = {}
+    stands = np.abs(run.dq) < creep
+    # crossing zero is no standing
+    span = max(3, int(0.05 / run.h))
+    long = np.empty_like(stands)
+    ndimage: Any = import_module("scipy.ndimage")
+    for i in range(stands.shape[1]):
+        long[:, i] = ndimage.binary_opening(stands[:, i], np.ones(span, dtype=bool))
+    for name, series in values.items():
+        mask = np.ones(series.shape)
+        mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
+        motion = run.missing["q"]
+        if name == "ee":
+            mask[run.missing["ee"].any(axis=1) | motion.any(axis=1)] = 0.0
+        else:
+            # a joint's torque takes the motion of every joint
+            mask[motion.any(axis=1)] = 0.0
+            if name in run.missing:
+                mask[run.missing[name]] = 0.0
+            if name == "u" and "tau" in run.missing:
+                mask[run.missing["tau"]] = 0.0
+        if name == "tau" or (name == "u" and "tau" not in run.measured):
+            # a joint that stands all the time still shows its load
+            held = long & (long.mean(axis=0) < 0.7)
+            mask[held] = 0.0
+        masks[name] = mask
+    return masks
+
+
+def _noise(
+    run: Prepared, nominal: Robot, values: dict[str, Vector], masks: dict[str, Vector], creep: Vector
+) -> dict[str, list[Vector]]:
+    """Standard deviation of every coefficient for a perfect model."""
+    ndimage: Any = import_module("scipy.ndimage")
+
+    random = np.random.default_rng(SEED)
+    total: dict[str, list[Vector]] = {}
+    names = [name for name in ("q", "tau", "tau_link", "q_link", "ee") if name in run.run.signals]
+    models = {name: noise_in(run.run, name) for name in names}
+    for _ in range(DRAWS):
+        extra = {name: sample(models[name], len(run.run.t), random) for name in names}
+        other = prepared(run.run, run.band, extra)
+        changed = differences(other, said(nominal, other, nominal, creep))
+        apart = {name: changed[name] - values[name] for name in values}
+        for name, columns in coefficients(run, apart, masks).items():
+            squares = [column**2 / DRAWS for column in columns]
+            before = total.get(name)
+            total[name] = squares if before is None else [a + b for a, b in zip(before, squares, strict=True)]
+    out: dict[str, list[Vector]] = {}
+    for name, columns in total.items():
+        out[name] = []
+        for power in columns:
+            span = max(3, int(2 * NEIGHBOURS * len(power)))
+            level = np.asarray(ndimage.uniform_filter1d(power, span, mode="nearest"))
+            out[name].append(np.sqrt(np.maximum(level, 1e-30 + 1e-6 * float(level.max()))))
+    return out
+
+
+def sample(noise: ChannelNoise, m: int, random: np.random.Generator) -> Vector:
+    """One sample of a channel's noise, shape (m, n)."""
+    signal: Any = import_module("scipy.signal")
+
+    lead = 500
+    columns: list[Vector] = []
+    for sigma, ar in zip(noise.sigma, noise.ar, strict=True):
+        white = random.normal(size=m + lead)
+        coloured = np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), white)) if np.any(ar) else white
+        # the gain of the filter at its stationary spread
+        gain = _spread(ar)
+        columns.append(coloured[lead:] * float(sigma) / gain)
+    return np.column_stack(columns)
+
+
+def _spread(ar: Vector) -> float:
+    """Standard deviation of an autoregressive process driven by unit noise."""
+    signal: Any = import_module("scipy.signal")
+
+    if not np.any(ar):
+        return 1.0
+    impulse = np.zeros(4000)
+    impulse[0] = 1.0
+    return float(np.sqrt(np.sum(np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), impulse)) ** 2)))

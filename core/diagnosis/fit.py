@@ -1,0 +1,87 @@
+"""Least squares with a prior and lower bounds, and how well a hypothesis does against none: Gaussian evidence."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .evidence import Evidence
+
+Vector = NDArray[np.float64]
+
+# misfit is taken to be alike within these bands [Hz] of a channel
+BANDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linear:
+    """The best of a linear hypothesis.
+
+    Attributes:
+        beta: Its numbers, shape (k,).
+        left: What it leaves, shape (N,).
+        cost: Sum of squares of what it leaves, over the spread, with the prior's part.
+        volume: Half the logarithm of how much the prior had to be narrowed (Occam).
+    """
+
+    beta: Vector
+    left: Vector
+    cost: float
+    volume: float
+
+
+def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
+    """The most probable beta of r0 + slope beta ~ N(0, 1), beta ~ N(0, scale^2), beta >= lower.
+
+    Args:
+        r0: Residual at beta = 0, over its spread, shape (N,).
+        slope: Its change with beta, shape (N, k).
+        scale: Prior spread of beta, shape (k,).
+        lower: Least values, shape (k,).
+    """
+    optimize: Any = import_module("scipy.optimize")
+
+    scaled = slope * scale
+    gram = scaled.T @ scaled + np.eye(len(scale))
+    moment = scaled.T @ r0
+    x = -np.linalg.solve(gram, moment)
+    least = lower / scale
+    if np.any(x < least):
+        root = np.linalg.cholesky(gram).T
+        target = -np.linalg.solve(root.T, moment)
+        x = np.asarray(optimize.lsq_linear(root, target, bounds=(np.minimum(least, -1e-12), np.inf)).x)
+    left = r0 + scaled @ x
+    sign, logdet = np.linalg.slogdet(gram)
+    assert sign > 0
+    return Linear(x * scale, left, float(left @ left + x @ x), 0.5 * float(logdet))
+
+
+def blocks(evidence: Evidence) -> list[tuple[int, int]]:
+    """First and last coefficient of each band of each channel."""
+    out: list[tuple[int, int]] = []
+    for channel in evidence.channels:
+        run = evidence.runs[channel.run]
+        step = 0.5 / (len(run.t) * run.h)
+        edges = [channel.first + int(np.ceil(edge / step)) for edge in BANDS[:-1]] + [channel.last]
+        for a, b in itertools.pairwise(edges):
+            part = (min(a, channel.last), min(b, channel.last))
+            if part[1] > part[0]:
+                out.append(part)
+    return out
+
+
+def spread(left: Vector, parts: list[tuple[int, int]], floor: float = 1.0) -> Vector:
+    """What is left, as a standard deviation of each coefficient, shape (N,): its rms in each band, at least the noise.
+
+    Few coefficients are pulled towards the noise: two of them count as known.
+    """
+    out = np.empty(len(left))
+    for a, b in parts:
+        square = float(np.sum(left[a:b] ** 2))
+        out[a:b] = np.sqrt(max(floor, (square + 2.0 * floor) / (b - a + 2.0)))
+    return out

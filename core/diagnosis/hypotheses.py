@@ -1,0 +1,521 @@
+"""What competes: every effect of the catalogue at every place, each in the forms in which it could be there.
+
+A hypothesis is linear near where it starts: its numbers beta move a row's values, and the residual's change with beta
+is its signature. What is not linear (a Stribeck velocity, the cycles of a ripple) comes as several hypotheses, one for
+each of a few values; the search's winner is refined in all of its numbers afterwards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import Column, EffectRow, catalogue, effect_named
+from ..expansion import SHORTEST_BEND
+from ..kinematics import dynamics
+from .evidence import differences
+from .problem import Problem, Rows
+
+Vector = NDArray[np.float64]
+Values = dict[str, float]
+
+# how large an amount is tried, as part of what would be a plain effect
+STEP = 0.02
+CYCLES = 3
+FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One effect at one place in one form.
+
+    Attributes:
+        effect: Its name.
+        at: Number of joint or arm, from 1; 0 for the robot.
+        form: Which of its forms, "" where there is one.
+        values: beta -> the row's values; None where these are impossible.
+        scale: What would be a plain amount of each number of beta; the spread of their prior.
+        lower: Least value of each.
+        alone: At beta = 0 it is as if the effect were not there.
+    """
+
+    effect: str
+    at: int
+    form: str
+    values: Callable[[Vector], Values | None]
+    scale: Vector
+    lower: Vector
+    alone: bool = True
+
+    @property
+    def place(self) -> str:
+        """joint_N, arm_N or robot."""
+        return place_of(self.effect, self.at)
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What it is called in a verdict."""
+        return (self.effect, self.at)
+
+    def rows(self, beta: Vector) -> Rows | None:
+        """Its row as a table; None where these values are impossible."""
+        values = self.values(beta)
+        return None if values is None else {self.effect: (EffectRow(self.at, values),)}
+
+
+def place_of(effect: str, at: int) -> str:
+    """joint_N, arm_N or robot."""
+    key = effect_named(effect).key
+    return "robot" if key == "robot" else f"{key}_{at}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scales:
+    """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia."""
+
+    torque: Vector
+    speed: Vector
+    acceleration: Vector
+    way: Vector
+    inertia: Vector
+    residual: list[Vector] = field(default_factory=list[Vector])
+    mass: float = 1.0
+    length: float = 1.0
+
+
+def scales_of(problem: Problem, rows: Rows) -> Scales:
+    """Scales from the runs and the robot with these rows."""
+    evidence = problem.evidence
+    robots = problem.robots(rows)
+    spoken = problem.spoken(rows)
+    torque = np.sqrt(np.mean(np.concatenate([s.tau_link**2 for s in spoken]), axis=0))
+    speed = np.sqrt(np.mean(np.concatenate([run.dq**2 for run in evidence.runs]), axis=0))
+    acceleration = np.sqrt(np.mean(np.concatenate([run.ddq**2 for run in evidence.runs]), axis=0))
+    q = np.concatenate([run.q for run in evidence.runs])
+    inertia = np.diagonal(dynamics(robots[0]).mass_matrix(q[:: max(1, len(q) // 50)]), axis1=1, axis2=2).mean(axis=0)
+    left: list[Vector] = []
+    for run, speech, mask in zip(evidence.runs, spoken, evidence.masks, strict=True):
+        apart = differences(run, speech)
+        name = "tau" if "tau" in apart else "u" if "u" in apart else ""
+        left.append(apart[name] * mask[name] if name else np.zeros_like(run.q))
+    arms = [stage.arm for stage in robots[0].stages]
+    reach = max(1e-2, sum(math.hypot(*arm.link.pose().xyz) for arm in arms))
+    return Scales(
+        np.maximum(torque, 1e-6),
+        np.maximum(speed, 1e-6),
+        np.maximum(acceleration, 1e-6),
+        np.maximum(np.ptp(q, axis=0), 1e-6),
+        np.maximum(inertia, 1e-9),
+        left,
+        max(0.001, *(arm.inertia.mass for arm in arms)),
+        reach,
+    )
+
+
+def hypotheses(problem: Problem, rows: Rows, skip: Sequence[tuple[str, int]] = ()) -> list[Hypothesis]:
+    """Everything that could be there beside these rows, but for what to skip."""
+    scales = scales_of(problem, rows)
+    found: list[Hypothesis] = []
+    n = problem.database.n
+    for name in catalogue():
+        effect = effect_named(name)
+        places = (0,) if effect.key == "robot" else range(1, n + 1)
+        for at in places:
+            if (name, at) in skip or not _possible(problem, name, at):
+                continue
+            existing = problem.row_at(name, at, rows)
+            known = dict(existing.values) if existing else None
+            maker = _FORMS.get(name, _plugin)
+            found += [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
+    return found
+
+
+def _possible(problem: Problem, name: str, at: int) -> bool:
+    """Whether an effect can say anything here."""
+    database = problem.database
+    controls = {run.run.control.mode for run in problem.evidence.runs}
+    if name in ("controller_gain",) and "pd" not in controls:
+        return False
+    if name in ("delay", "torque_limit") and not controls & {"pd", "torque"}:
+        return False
+    if name == "torque_offset" and not any("tau" in run.measured for run in problem.evidence.runs):
+        return False
+    if name == "base_tilt" and database.base_taken_up:
+        return False
+    if name == "link_flexibility":
+        pose = database.kinematics[at - 1].pose()
+        return math.hypot(*pose.xyz) > max(SHORTEST_BEND, 1e-3)
+    return True
+
+
+Form = Callable[[Problem, Scales, str, int, "Values | None"], list[Hypothesis]]
+
+
+def _defaults(name: str) -> Values:
+    return {column.name: 0.0 if column.default is None else column.default for column in effect_named(name).columns}
+
+
+def _added(
+    name: str, at: int, known: Values | None, scale: Mapping[str, float], *, form: str = "", fixed: Values | None = None
+) -> Hypothesis:
+    """Numbers that add to a row's columns."""
+    start = (known or _defaults(name)) | (fixed or {})
+    columns = tuple(scale)
+    least = {column.name: column.minimum for column in effect_named(name).columns}
+
+    def values(beta: Vector) -> Values | None:
+        out = dict(start)
+        for column, b in zip(columns, beta.tolist(), strict=True):
+            out[column] = max(start[column] + b, least[column])
+        return out
+
+    lower = np.array([least[column] - start[column] for column in columns])
+    return Hypothesis(name, at, form, values, np.array(list(scale.values())), lower)
+
+
+def _torque(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"torque": scales.torque[at - 1]})]
+
+
+def _viscous(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"coefficient": scales.torque[at - 1] / scales.speed[at - 1]})]
+
+
+def _load(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"coefficient": 0.3})]
+
+
+def _rotor(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"inertia": scales.inertia[at - 1]})]
+
+
+def _stribeck(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    speeds = [known["velocity"]] if known else [part * scales.speed[at - 1] for part in (0.05, 0.15, 0.4)]
+    return [
+        _added(name, at, known, {"torque": scales.torque[at - 1]}, form=f"vs {v:.3g}", fixed={"velocity": v})
+        for v in speeds
+    ]
+
+
+def _gain(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known or {"gain": 1.0}, {"gain": 0.2})]
+
+
+def _controller(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"kp": 0.2, "kd": 0.2})]
+
+
+def _encoder(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"offset": 0.02 if _revolute(problem, at) else 0.02 * scales.length})]
+
+
+def _delay(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"time": 0.004})]
+
+
+def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """A limit just below the largest torque: where there is one, the torque stays there."""
+    largest = 0.0
+    for run in problem.evidence.runs:
+        source = run.run.signals.get("tau", run.run.signals.get("tau_cmd"))
+        asked = run.run.signals["q"] * 0.0 if source is None else source
+        column = np.abs(asked[:, at - 1])
+        column = column[np.isfinite(column)]
+        if len(column):
+            largest = max(largest, float(np.quantile(column, 0.999)))
+    if largest <= 0.0 or (known and known["torque"] <= largest):
+        return []
+
+    def values(beta: Vector) -> Values | None:
+        return {"torque": max(largest - float(beta[0]), 1e-9)}
+
+    return [Hypothesis(name, at, "", values, np.array([0.2 * largest]), np.array([-0.05 * largest]), alone=False)]
+
+
+def _spring(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """-k (q - rest): linear in k and k rest."""
+    k0 = known["stiffness"] if known else 0.0
+    m0 = k0 * known["rest"] if known else 0.0
+
+    def values(beta: Vector) -> Values | None:
+        k, m = k0 + float(beta[0]), m0 + float(beta[1])
+        if k <= 0.0:
+            return {"stiffness": 0.0, "rest": 0.0}
+        return {"stiffness": k, "rest": m / k}
+
+    torque, way = scales.torque[at - 1], scales.way[at - 1]
+    return [Hypothesis(name, at, "", values, np.array([torque / way, torque]), np.array([-k0, -np.inf]))]
+
+
+def _compliance(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """1/K is what the gap is linear in; damping of a tenth of the critical one unless it is known."""
+    inertia = scales.inertia[at - 1]
+    torque = scales.torque[at - 1]
+    gives = 1.0 / known["stiffness"] if known else 0.0
+    forms: list[Hypothesis] = []
+    for size in (1e-4, 1e-3, 1e-2):
+        start = max(size / torque, 1e-12)
+
+        def values(beta: Vector, start: float = start) -> Values | None:
+            k = 1.0 / max(gives + start + float(beta[0]), 1e-12)
+            b = known["damping"] if known else 0.1 * 2.0 * math.sqrt(k * inertia)
+            return {"stiffness": k, "damping": b}
+
+        forms.append(
+            Hypothesis(name, at, f"{size:g}", values, np.array([start]), np.array([-0.9 * start]), alone=False)
+        )
+    return forms
+
+
+def _bearing(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """Six directions that give; each starts soft enough to be seen, hard enough to be near nothing."""
+    force = 9.81 * scales.mass
+    angles = {"krx", "kry", "krz"}
+    names = ["kx", "ky", "kz", "krx", "kry", "krz"]
+    own = "krz" if _revolute(problem, at) else "kz"
+    names.remove(own)
+    start = known or _defaults(name)
+    give = {k: (1e-4 / (force * scales.length) if k in angles else 1e-4 * scales.length / force) for k in names}
+
+    def values(beta: Vector) -> Values | None:
+        out = dict(start)
+        for k, b in zip(names, beta.tolist(), strict=True):
+            before = 0.0 if math.isinf(start[k]) else 1.0 / start[k]
+            soft = before + b
+            if soft > 1e-3 * give[k]:
+                out[k] = 1.0 / soft
+                damping = "b" + k[1:]
+                if start[damping] == 0.0:
+                    out[damping] = 2e-3 * out[k]
+        return out
+
+    scale = np.array([10.0 * give[k] for k in names])
+    return [Hypothesis(name, at, "", values, scale, np.zeros(len(names)))]
+
+
+def _bend(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    start = known or _defaults(name)
+    give = 1e-3 / (9.81 * scales.mass * scales.length)
+    columns = ("ku", "kv")
+
+    def values(beta: Vector) -> Values | None:
+        out = dict(start)
+        for k, b in zip(columns, beta.tolist(), strict=True):
+            before = 1.0 / start[k] if known else 0.0
+            # an arm that bends about one axis only is next to rigid about the other
+            out[k] = 1.0 / max(before + b, 1e-3 * give)
+            if not known:
+                out["b" + k[1:]] = 2e-3 * out[k]
+        return out
+
+    return [Hypothesis(name, at, "", values, np.array([5.0 * give] * 2), np.zeros(2))]
+
+
+def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    start = known or _defaults(name)
+    size = 2e-3 if _revolute(problem, at) else 2e-3 * scales.length
+    forms: list[Hypothesis] = []
+    for part in (0.3, 1.0, 3.0):
+
+        def values(beta: Vector, part: float = part) -> Values | None:
+            return start | {"gap": max((start["gap"] if known else 0.0) + part * size + float(beta[0]), 0.0)}
+
+        forms.append(
+            Hypothesis(
+                name, at, f"{part:g}", values, np.array([part * size]), np.array([-0.9 * part * size]), alone=False
+            )
+        )
+    return forms
+
+
+def _loop(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """Hysteresis: at a given way to slip, linear in the torque."""
+    forms: list[Hypothesis] = []
+    way = scales.way[at - 1]
+    torque = scales.torque[at - 1]
+    for part in (3e-3, 2e-2, 1e-1, 4e-1):
+        slip = part * way
+
+        def values(beta: Vector, slip: float = slip) -> Values | None:
+            f = (known["torque"] if known else 0.0) + float(beta[0])
+            f = max(f, 1e-9 * torque)
+            return {"torque": f, "stiffness": f / slip, "slips": known["slips"] if known else 8.0}
+
+        forms.append(Hypothesis(name, at, f"{part:g}", values, np.array([torque]), np.zeros(1)))
+    return forms
+
+
+def _wave(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """amplitude sin(cycles theta + phase), linear in its two quadratures; cycles from the residual's orders."""
+    cycles = [known["cycles"]] if known else _orders(problem, scales, at, second=name == "transmission_error")
+    size = scales.torque[at - 1] if name == "torque_ripple" else 0.0
+    forms: list[Hypothesis] = []
+    for c in cycles:
+        plain = size or scales.torque[at - 1] / (
+            scales.inertia[at - 1] * (c * scales.speed[at - 1]) ** 2 + scales.torque[at - 1]
+        )
+        a0, b0 = (
+            (known["amplitude"] * math.cos(known["phase"]), known["amplitude"] * math.sin(known["phase"]))
+            if known
+            else (0.0, 0.0)
+        )
+
+        def values(beta: Vector, c: float = c, a0: float = a0, b0: float = b0) -> Values | None:
+            a, b = a0 + float(beta[0]), b0 + float(beta[1])
+            return {"amplitude": math.hypot(a, b), "cycles": c, "phase": math.atan2(b, a)}
+
+        forms.append(Hypothesis(name, at, f"{c:.4g}", values, np.array([plain, plain]), np.array([-np.inf, -np.inf])))
+    return forms
+
+
+def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[float]:
+    """Cycles a turn at which the residual is periodic in the joint's angle, the strongest first."""
+    i = at - 1
+    way = scales.way[i]
+    fastest = max(float(np.abs(run.dq[:, i]).max()) for run in problem.evidence.runs)
+    band = min(run.band for run in problem.evidence.runs)
+    highest = min(MOST_CYCLES, 2.0 * np.pi * band / max(0.3 * fastest, 1e-9))
+    finest = max(FINEST_CYCLES, 0.5 * np.pi / way)
+    lowest = max(0.5, 2.0 * np.pi / way)
+    if highest <= lowest:
+        return []
+    grid = np.arange(lowest, highest, finest)
+    power = np.zeros(len(grid))
+    size = 0.0
+    for run, left in zip(problem.evidence.runs, scales.residual, strict=True):
+        r = left[:, i]
+        if not np.any(r):
+            continue
+        weight = run.dq[:, i] ** 2 if second else np.ones(len(r))
+        r = (r - r.mean()) * weight
+        angle = np.exp(1j * np.outer(grid, run.q[:, i]))
+        power += np.abs(angle @ r) ** 2 / max(float(np.sum(weight**2)), 1e-30)
+        size += float(np.sum(r * r))
+    if size == 0.0:
+        return []
+    chosen: list[float] = []
+    for k in np.argsort(-power):
+        if all(abs(grid[k] - c) > 2.0 * np.pi / way for c in chosen):
+            chosen.append(float(grid[k]))
+        if len(chosen) == CYCLES:
+            break
+    return chosen
+
+
+def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """A body at the last arm: mass and first moments of a point, beside one that the nominal robot has."""
+    m, x = _load_scale(problem, scales), 0.3 * scales.length
+    start = known or _defaults(name)
+
+    def point(beta: Vector) -> Values | None:
+        mass = start["mass"] + float(beta[0])
+        if mass <= 1e-9:
+            return dict(_defaults(name))
+        first = [start["mass"] * start[axis] + float(b) for axis, b in zip("xyz", beta[1:4], strict=True)]
+        return start | {"mass": mass} | {axis: value / mass for axis, value in zip("xyz", first, strict=True)}
+
+    return [
+        Hypothesis(
+            name, 0, "point", point, np.array([m, m * x, m * x, m * x]), np.array([-start["mass"], *[-np.inf] * 3])
+        )
+    ]
+
+
+def _load_scale(problem: Problem, scales: Scales) -> float:
+    return max(problem.database.inertias[-1].mass, 0.1 * scales.mass)
+
+
+def _arm(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """Ten parameters, and mass with first moments alone."""
+    m = max(problem.database.inertias[at - 1].mass, 0.05 * scales.mass)
+    x = 0.2 * scales.length
+    masses = {"mass": m, "mx": m * x, "my": m * x, "mz": m * x}
+    tensor: dict[str, float] = dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), m * x * x)
+    return [
+        _added(name, at, known, masses, form="mass"),
+        _added(name, at, known, tensor, form="tensor"),
+        _added(name, at, known, masses | tensor, form="all"),
+    ]
+
+
+def _kinematic(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    angle, length = 0.01, 0.01 * scales.length
+    forms = [
+        _added(name, at, known, {column: angle if column in ("alpha", "theta", "beta") else length}, form=column)
+        for column in ("alpha", "a", "theta", "d", "beta")
+    ]
+    every = {"alpha": angle, "a": length, "theta": angle, "d": length, "beta": angle}
+    return [*forms, _added(name, at, known, every, form="all")]
+
+
+def _tilt(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    return [_added(name, at, known, {"roll": 0.02, "pitch": 0.02})]
+
+
+def _plugin(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
+    """An effect of somebody else's: each column that must be given, by its unit; several values of the others."""
+    effect = effect_named(name)
+    free = [column for column in effect.columns if column.default is None]
+    if not free:
+        free = [effect.columns[0]]
+    # a place without a joint of its own takes the largest
+    i = at - 1 if effect.key == "joint" else int(np.argmax(scales.torque))
+    units = {
+        "N*m": scales.torque[i],
+        "N": scales.torque[i],
+        "rad": 1e-3 * scales.way[i],
+        "m": 1e-3 * scales.way[i],
+        "rad/s": scales.speed[i],
+        "m/s": scales.speed[i],
+        "N*m*s/rad": scales.torque[i] / scales.speed[i],
+        "N*m/rad": scales.torque[i] / scales.way[i],
+        "kg*m^2": scales.inertia[i],
+        "kg": scales.mass,
+        "s": 0.005,
+    }
+
+    def plain(column: Column) -> float:
+        return float(units.get(column.unit.split("|")[0], 0.1))
+
+    first, *others = free
+    amounts = {first.name: plain(first)}
+    forms: list[Hypothesis] = []
+    for part in (0.1, 1.0, 10.0) if others else (1.0,):
+        fixed = {column.name: part * plain(column) for column in others}
+        forms.append(_added(name, at, known, amounts, form=f"{part:g}" if others else "", fixed=fixed))
+    return forms
+
+
+def _revolute(problem: Problem, at: int) -> bool:
+    return problem.database.joints[at - 1].kind == "revolute"
+
+
+_FORMS: dict[str, Form] = {
+    "backlash": _backlash,
+    "base_tilt": _tilt,
+    "controller_gain": _controller,
+    "coulomb_friction": _torque,
+    "delay": _delay,
+    "encoder_offset": _encoder,
+    "hysteresis": _loop,
+    "joint_compliance": _compliance,
+    "joint_compliance_6d": _bearing,
+    "joint_spring": _spring,
+    "kinematic_error": _kinematic,
+    "link_flexibility": _bend,
+    "link_inertia": _arm,
+    "load_friction": _load,
+    "payload": _payload,
+    "rotor_inertia": _rotor,
+    "stribeck_friction": _stribeck,
+    "torque_constant": _gain,
+    "torque_limit": _limit,
+    "torque_offset": _torque,
+    "torque_ripple": _wave,
+    "transmission_error": _wave,
+    "viscous_friction": _viscous,
+}

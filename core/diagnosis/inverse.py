@@ -1,0 +1,211 @@
+"""What a robot's sensors would have said along a recorded motor motion: inverse dynamics with every effect."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..expansion import expanded
+from ..kinematics import dynamics, kinematics, rigid_body
+from ..kinematics.dynamics import chain_table
+from ..representation import Drive, FrictionModel, Robot
+from ..simulation.compiled import as_it_stands, compile_text
+from ..simulation.drive_sheet import DriveSheet
+from ..simulation.drives import Drives
+from . import along, elastic
+from .prepare import Prepared
+
+Vector = NDArray[np.float64]
+
+# a gear's contact whose resonance lies so far above what is compared is rigid there
+STIFF = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Said:
+    """What sensors would have said; shapes (m, n), ee (m, 3).
+
+    Attributes:
+        tau: Motor torque that the motion takes, as it would be reported.
+        tau_link: What the drives pass to the arms.
+        q_link: Arm sides.
+        ee: Tool centre point in the base; zeros where the run has none.
+        u: What the controller asked for, as it would be reported; None where the run has no controller.
+    """
+
+    tau: Vector
+    tau_link: Vector
+    q_link: Vector
+    ee: Vector
+    u: Vector | None
+
+
+@cache
+def _compiled(name: str) -> Any:
+    for helper in (
+        rigid_body.place_joints,
+        rigid_body.newton_euler,
+        rigid_body.carry_wrench,
+        rigid_body.composite_inertia,
+        rigid_body.mass_matrix_and_bias,
+    ):
+        as_it_stands(helper)
+    module = along if hasattr(along, name) else elastic
+    return compile_text(getattr(module, name))
+
+
+def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
+    """What the sensors of a robot would have said along a run's motor motion.
+
+    Args:
+        robot: With its effects.
+        run: The motion.
+        nominal: Whose rigid bodies the controller's feedforward knows.
+        creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
+    """
+    n = robot.n
+    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    whole = expanded(robot, imposed=True)
+    full, driven = whole.robot, list(whole.driven)
+    theta, dtheta, ddtheta = (whole.spread(x) for x in (run.q - offsets, run.dq, run.ddq))
+    drives = _drives(full, whole.spread(creep, 1.0))
+    error = _errors(full, drives, run, theta, dtheta)
+    turned, dturned, ddturned = theta, dtheta, ddtheta
+    slope = np.zeros_like(theta)
+    if error is not None:
+        rate = np.gradient(error, run.h, axis=0)
+        turned, dturned = theta + error, dtheta + rate
+        ddturned = ddtheta + np.gradient(rate, run.h, axis=0)
+        moving = np.abs(dtheta) > 1e-9
+        slope = np.divide(rate, dtheta, out=slope, where=moving)
+    q, dq, ddq = _arms(full, run, turned, dturned, ddturned)
+    load = dynamics(full, always_compiled=True).inverse_dynamics(q, dq, ddq)
+    friction, on_arm = np.empty_like(q), np.empty_like(q)
+    drives.reset(_at(run.t[0], theta[0], dtheta[0]))
+    # twice where something pulls on the arms: friction under load must know what the drive passes on
+    _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, load, friction, on_arm)
+    passed = load - on_arm
+    if drives.needs_load and np.any(on_arm):
+        drives.reset(_at(run.t[0], theta[0], dtheta[0]))
+        _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, passed, friction, on_arm)
+    passed, friction, slope = passed[:, driven], friction[:, driven], slope[:, driven]
+    imposed = run.run.control.mode in ("motion", "unknown")
+    inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
+    gain = np.array([stage.drive.gain for stage in robot.stages])
+    bias = np.array([stage.sensor.torque_offset for stage in robot.stages])
+    tau = (inertia * run.ddq + friction + (1.0 + slope) * passed) / gain
+    if not imposed:
+        # a torque held from its tick on makes what a continuous one would half a tick later
+        tau = tau + 0.5 / run.run.control.rate * np.gradient(tau, run.h, axis=0)
+    tool = kinematics(full).tool_in_base(q)[:, :3, 3] if "ee" in run.measured else np.zeros((len(q), 3))
+    asked = _asked(robot, run, nominal)
+    return Said(tau + bias, passed, q[:, driven], tool, None if asked is None else asked[:, :n] + bias)
+
+
+def _at(t: float, theta: Vector, dtheta: Vector) -> Any:
+    from ..simulation import MachineState
+
+    return MachineState(float(t), theta, dtheta, theta, dtheta)
+
+
+def _drives(robot: Robot, creep: Vector) -> Drives:
+    """The drives as rigid ones whose sticking friction is smooth below the creeping speed."""
+    sheet = DriveSheet.of(robot)
+    plain = replace(
+        sheet,
+        drives=tuple(replace(drive, spring=None, stick=None) for drive in sheet.drives),
+        friction=FrictionModel("smooth"),
+    )
+    drives = Drives(plain)
+    drives.table.smooth_velocity[:] = creep
+    return drives
+
+
+def _errors(robot: Robot, drives: Drives, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
+    if not any(term.kind == "error" for stage in robot.stages for term in stage.drive.terms):
+        return None
+    error = np.empty_like(theta)
+    _compiled("errors_along")(drives.numbers, drives.counts, run.t, theta, dtheta, error)
+    return error
+
+
+def _arms(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector, ddtheta: Vector) -> tuple[Vector, Vector, Vector]:
+    """Where the arms are: with the motor sides, or behind their springs."""
+    arms = dynamics(robot, always_compiled=True)
+    own = np.diagonal(arms.mass_matrix(theta[:1])[0])
+    soft = np.array(
+        [_gives(stage.drive, float(inertia), run.band) for stage, inertia in zip(robot.stages, own, strict=True)]
+    )
+    if not soft.any():
+        return theta, dtheta, ddtheta
+    springs = [stage.drive.spring for stage in robot.stages]
+    stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])
+    damping = np.array([spring.damping if spring else 0.0 for spring in springs])
+    half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
+    pull = [[(s.stiffness, s.stiffness * s.rest) for s in stage.drive.arm_springs] for stage in robot.stages]
+    arm_stiffness = np.array([sum(k for k, _ in entries) for entries in pull], dtype=float)
+    moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
+    arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
+    q, dq, ddq = (np.empty_like(theta) for _ in range(3))
+    _compiled("arms_along")(
+        chain_table(robot),
+        np.flatnonzero(soft),
+        stiffness,
+        damping,
+        half_gap,
+        arm_stiffness,
+        arm_rest,
+        run.h,
+        theta,
+        dtheta,
+        ddtheta,
+        q,
+        dq,
+        ddq,
+    )
+    return q, dq, ddq
+
+
+def _gives(drive: Drive, inertia: float, band: float) -> bool:
+    """Whether a spring is one of the robot: the stiff contact that engines need for a wobbling gear is none."""
+    spring = drive.spring
+    if spring is None:
+        return False
+    wobbles = any(term.kind == "error" for term in drive.terms)
+    return spring.gap > 0.0 or not wobbles or math.sqrt(spring.stiffness / inertia) < 2.0 * math.pi * STIFF * band
+
+
+@lru_cache(maxsize=64)
+def _command(run: Prepared) -> tuple[Vector, Vector, Vector]:
+    """The commanded motion on a run's grid."""
+    return run.run.motion().at(run.t)
+
+
+def _asked(robot: Robot, run: Prepared, nominal: Robot) -> Vector | None:
+    """The controller's torque behind delay and limits, shape (m, n)."""
+    control = run.run.control
+    if control.mode == "pd":
+        from ..control.controller import feedforward_along
+
+        q_cmd, dq_cmd, ddq_cmd = _command(run)
+        kp = np.array(control.kp) * np.array(robot.kp_factor or [1.0] * robot.n)
+        kd = np.array(control.kd) * np.array(robot.kd_factor or [1.0] * robot.n)
+        torque = kp * (q_cmd - run.q) + kd * (dq_cmd - run.dq)
+        torque = torque + feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
+    elif control.mode == "torque" and "tau_cmd" in run.measured:
+        torque = run.measured["tau_cmd"]
+    else:
+        return None
+    drive_limit = np.array([stage.drive.torque_limit for stage in robot.stages])
+    limit = np.minimum(np.array(control.torque_limit or [math.inf] * robot.n), drive_limit)
+    # the held torque of the last tick before t, a delay ago
+    acting = np.floor((run.t - robot.delay) * control.rate + 1e-6) / control.rate
+    held = np.empty_like(run.q)
+    for i in range(robot.n):
+        held[:, i] = np.interp(acting, run.t, torque[:, i])
+    return np.clip(held, -limit, limit)

@@ -1,0 +1,153 @@
+"""What no effect is blamed for: the database's tolerances, and stamps that are a sample off.
+
+Each is a column, the change of the residual for one standard deviation of it. Marginalised, they widen the noise along
+their own directions: (1 + A A^T)^(-1/2), by the singular values of A, is applied to everything that is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..build import assembled
+from ..database import Database, Tolerance
+from .evidence import coefficients
+from .problem import Problem
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Whitening:
+    """Takes out of numbers of unit noise what nuisances may have put there.
+
+    Attributes:
+        basis: Their orthonormal directions, shape (N, r).
+        shrink: What is left along each, 1 / sqrt(1 + s^2), shape (r,).
+        names, columns: Each nuisance and its column of one standard deviation, shape (N, k).
+    """
+
+    basis: Vector
+    shrink: Vector
+    names: tuple[str, ...]
+    columns: Vector
+
+    def __call__(self, values: Vector) -> Vector:
+        """Whitened numbers or columns, shape (N,) or (N, k)."""
+        if not len(self.shrink):
+            return values
+        along = self.basis.T @ values
+        less = (self.shrink - 1.0)[:, None] * along if along.ndim == 2 else (self.shrink - 1.0) * along
+        return values + self.basis @ less
+
+    def amounts(self, values: Vector) -> dict[str, float]:
+        """How many standard deviations of each nuisance a residual asks for."""
+        if not len(self.names):
+            return {}
+        k = self.columns.shape[1]
+        stacked = np.vstack([self.columns, np.eye(k)])
+        found = np.linalg.lstsq(stacked, np.concatenate([-values, np.zeros(k)]), rcond=None)[0]
+        return dict(zip(self.names, found.tolist(), strict=True))
+
+
+def whitening(problem: Problem) -> Whitening:
+    """The nuisances of a problem."""
+    base = problem.residual({})
+    names: list[str] = []
+    columns: list[Vector] = []
+    for name, change in _variations(problem.database, problem.database.tolerance):
+        names.append(name)
+        columns.append(_varied(problem, change) - base)
+    for name, column in _shifts(problem):
+        names.append(name)
+        columns.append(column)
+    if not columns:
+        return Whitening(np.zeros((len(base), 0)), np.zeros(0), (), np.zeros((len(base), 0)))
+    matrix = np.column_stack(columns)
+    u, s, _ = np.linalg.svd(matrix, full_matrices=False)
+    kept = s > 1e-3
+    return Whitening(u[:, kept], 1.0 / np.sqrt(1.0 + s[kept] ** 2), tuple(names), matrix)
+
+
+def _varied(problem: Problem, change: Callable[[Database], Database]) -> Vector:
+    changed = {id(body): change(body) for body in problem.bodies}
+    robots = [assembled(changed[id(body)], problem.known) for body in problem.bodies]
+    return problem.evidence.residual(robots)
+
+
+def _variations(database: Database, sigma: Tolerance) -> Iterator[tuple[str, Callable[[Database], Database]]]:
+    """Each number that may be off, by one standard deviation."""
+    for i in range(database.n):
+        body = database.inertias[i]
+        if sigma.mass:
+            yield f"mass of arm_{i + 1}", _inertia(i, {"mass": body.mass * sigma.mass})
+        if sigma.com:
+            for axis, name in enumerate("xyz"):
+                yield f"center of mass of arm_{i + 1} ({name})", _center(i, axis, sigma.com)
+        if sigma.inertia:
+            for name in ("xx", "yy", "zz"):
+                yield f"I{name} of arm_{i + 1}", _inertia(i, {name: float(getattr(body, name)) * sigma.inertia})
+        for name in ("alpha", "a", "theta", "d", "beta"):
+            step = sigma.length if name in ("a", "d") else sigma.angle
+            if step:
+                yield f"{name} of arm_{i + 1}", _length(i, name, step)
+
+
+def _inertia(i: int, steps: Mapping[str, float]) -> Callable[[Database], Database]:
+    def apply(database: Database) -> Database:
+        body = database.inertias[i]
+        moved = replace(body, **{name: getattr(body, name) + step for name, step in steps.items()})
+        return replace(database, inertias=(*database.inertias[:i], moved, *database.inertias[i + 1 :]))
+
+    return apply
+
+
+def _center(i: int, axis: int, step: float) -> Callable[[Database], Database]:
+    def apply(database: Database) -> Database:
+        body = database.inertias[i]
+        x, y, z = body.com
+        com = (x + step * (axis == 0), y + step * (axis == 1), z + step * (axis == 2))
+        moved = replace(body, com=com)
+        return replace(database, inertias=(*database.inertias[:i], moved, *database.inertias[i + 1 :]))
+
+    return apply
+
+
+def _length(i: int, name: str, step: float) -> Callable[[Database], Database]:
+    def apply(database: Database) -> Database:
+        rows = list(database.kinematics)
+        rows[i] = replace(rows[i], **{name: getattr(rows[i], name) + step})
+        return replace(database, kinematics=tuple(rows))
+
+    return apply
+
+
+def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
+    """Stamps of the torque, the tool's pose or the command that are one sample off the motion's."""
+    evidence = problem.evidence
+    for signal in ("tau", "tau_link", "q_link", "ee", "command"):
+        parts: dict[tuple[int, str], list[Vector]] = {}
+        for number, run in enumerate(evidence.runs):
+            sample = 1.0 / run.run.rate
+            mask = evidence.masks[number]
+            change = {name: np.zeros(mask[name].shape) for name in mask}
+            if signal == "command":
+                if run.run.control.mode == "pd" and "u" in change:
+                    _, dq, ddq = run.run.motion().at(run.t)
+                    control = run.run.control
+                    rate = np.array(control.kp) * dq + np.array(control.kd) * ddq
+                    # u stands with a minus where torque is measured, with a plus where it is not
+                    change["u"] = rate * sample * (-1.0 if "tau" in run.measured else 1.0)
+            elif signal in run.measured:
+                rate = np.gradient(run.measured[signal], run.h, axis=0)
+                for name in ("tau", "u") if signal == "tau" else (signal,):
+                    if name in change:
+                        change[name] = rate * sample
+            for name, columns in coefficients(run, change, mask).items():
+                parts[number, name] = columns
+        column = np.concatenate([parts[c.run, c.signal][c.index] for c in evidence.channels]) * evidence.weights
+        if np.any(column):
+            yield f"stamps of {signal}", column

@@ -1,0 +1,134 @@
+"""A recorded run made ready for inverse dynamics: one uniform grid, the motion smoothed, with its derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import ChannelNoise, Run, noise_of
+
+Vector = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+HIGHEST_RATE = 500.0
+# what is compared ends below the smoothing's corner, where the filter takes nothing yet
+KEPT = 0.6
+LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
+# a motion is told from its sensor's noise where its spectrum stands so far above it
+ABOVE_NOISE = 10.0
+ORDER = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """A run on a uniform grid of m times.
+
+    Attributes:
+        run: The run.
+        t: Times [s], shape (m,).
+        h: Their distance [s].
+        band: What is compared lies below this frequency [Hz].
+        q, dq, ddq: Reported motor motion, smoothed by a zero-phase Butterworth filter, shape (m, n).
+        measured: Signals as recorded, on the grid; holes are bridged, shape (m, n) or (m, 3).
+        missing: Where they were bridged, or are no data, shape as measured.
+        edge: Samples at either end where the smoothing does not hold.
+    """
+
+    run: Run
+    t: Vector
+    h: float
+    band: float
+    q: Vector
+    dq: Vector
+    ddq: Vector
+    measured: Mapping[str, Vector]
+    missing: Mapping[str, Mask]
+    edge: int
+
+
+@lru_cache(maxsize=256)
+def noise_in(run: Run, signal: str) -> ChannelNoise:
+    """`noise_of`, once a run and signal."""
+    return noise_of(run, signal)
+
+
+def band_of(run: Run) -> float:
+    """Up to which frequency [Hz] a run's motion is more than its sensor's noise, within bounds that suit arms."""
+    signal: Any = import_module("scipy.signal")
+
+    q = run.signals["q"]
+    noise = noise_in(run, "q")
+    highest = min(HIGHEST_BAND, 0.2 * run.rate)
+    found = LOWEST_BAND
+    grid = np.arange(0.0, run.t[-1], 1.0 / run.rate)
+    length = min(len(grid), int(2.0 * run.rate))
+    for i in range(q.shape[1]):
+        good = np.isfinite(q[:, i])
+        if good.sum() < 16:
+            continue
+        values = np.interp(grid, run.t[good], q[good, i])
+        f, density = signal.welch(values, fs=run.rate, nperseg=length, detrend="linear")
+        level = max(2.0 * float(noise.sigma[i]) ** 2 / run.rate, 1e-30)
+        above = f[density > ABOVE_NOISE * level]
+        if len(above):
+            found = max(found, float(above[-1]))
+    return min(found, highest)
+
+
+def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector] | None = None) -> Prepared:
+    """A run on its grid.
+
+    Args:
+        run: As read.
+        band: Frequency below which runs are compared [Hz]; None: from the run.
+        disturbed: Signals to which something is added first: name -> what, shapes as in the run (for noise).
+    """
+    interpolate: Any = import_module("scipy.interpolate")
+    signal: Any = import_module("scipy.signal")
+
+    width = band if band is not None else band_of(run)
+    fine = np.arange(int(np.floor(run.t[-1] * run.rate + 1e-6)) + 1) / run.rate
+    every = max(1, round(run.rate / HIGHEST_RATE))
+    t = fine[::every]
+    corner = min(width / KEPT, 0.45 * run.rate)
+    sos = signal.butter(ORDER, corner, fs=run.rate, output="sos")
+    signals = dict(run.signals)
+    for name, extra in (disturbed or {}).items():
+        signals[name] = signals[name] + extra
+    measured: dict[str, Vector] = {}
+    missing: dict[str, Mask] = {}
+    motion: list[Vector] = []
+    for name, values in signals.items():
+        if name in ("ee_rot", "dq", "dq_cmd", "ddq_cmd", "q_cmd"):
+            continue
+        whole, hole = _on(fine, run, values)
+        smooth = np.asarray(signal.sosfiltfilt(sos, whole, axis=0)) if name != "tau_cmd" else whole
+        if name == "q":
+            spline = interpolate.make_interp_spline(fine, smooth, k=5, axis=0)
+            motion = [np.asarray(spline(t, nu=nu)) for nu in range(3)]
+        measured[name], missing[name] = smooth[::every], hole[::every]
+    edge = int(np.ceil(1.5 / corner / (t[1] - t[0])))
+    q, dq, ddq = motion
+    return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge)
+
+
+def _on(grid: Vector, run: Run, values: Vector) -> tuple[Vector, Mask]:
+    """Values on a grid by straight lines, and where there were none near: a hole, or a channel that is not there."""
+    out = np.zeros((len(grid), values.shape[1]))
+    hole = np.zeros(out.shape, dtype=bool)
+    for i in range(values.shape[1]):
+        good = np.isfinite(values[:, i])
+        if good.sum() < 2:
+            hole[:, i] = True
+            continue
+        times = run.t[good]
+        out[:, i] = np.interp(grid, times, values[good, i])
+        place = np.clip(np.searchsorted(times, grid), 1, len(times) - 1)
+        hole[:, i] = (times[place] - times[place - 1]) > 3.5 / run.rate
+    return out, hole

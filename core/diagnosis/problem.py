@@ -1,0 +1,96 @@
+"""The question put to the search: which effects' rows make a robot that says what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..build import assembled
+from ..database import Database
+from ..effects import EffectRow
+from ..recording import Run
+from ..representation import Inertia, Robot
+from .evidence import Evidence, gather
+from .inverse import Said, said
+
+Vector = NDArray[np.float64]
+Rows = Mapping[str, tuple[EffectRow, ...]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Problem:
+    """A nominal robot and its evidence.
+
+    Attributes:
+        database: The robot's.
+        known: Rows of the effects that the nominal robot has.
+        bodies: Database of each run: with what its log says hangs there.
+        evidence: What was measured.
+    """
+
+    database: Database
+    known: Rows
+    bodies: tuple[Database, ...]
+    evidence: Evidence
+
+    def robots(self, rows: Rows) -> list[Robot]:
+        """The robot with these rows beside (or instead of) the known ones, one a run."""
+        every = merged(self.known, rows)
+        made: dict[int, Robot] = {}
+        for body in self.bodies:
+            if id(body) not in made:
+                made[id(body)] = assembled(body, every)
+        return [made[id(body)] for body in self.bodies]
+
+    def residual(self, rows: Rows) -> Vector:
+        """Measured minus said with these rows, in units of noise, shape (N,)."""
+        return self.evidence.residual(self.robots(rows))
+
+    def spoken(self, rows: Rows) -> list[Said]:
+        """What the sensors would have said in each run."""
+        e = self.evidence
+        return [
+            said(robot, run, nominal, creep)
+            for robot, run, nominal, creep in zip(self.robots(rows), e.runs, e.nominals, e.creeps, strict=True)
+        ]
+
+    def row_at(self, effect: str, at: int, rows: Rows) -> EffectRow | None:
+        """The row that stands for an effect at a place."""
+        return next((row for row in merged(self.known, rows).get(effect, ()) if row.at == at), None)
+
+
+def problem(database: Database, level: str, runs: Sequence[Run]) -> Problem:
+    """The question for a robot at a level, and runs of it."""
+    known = {name: database.effects[name] for name in database.level_effects(level)}
+    bodies: dict[tuple[tuple[str, float], ...], Database] = {}
+    for run in runs:
+        key = tuple(sorted(run.payload.items()))
+        bodies.setdefault(key, _loaded(database, run.payload))
+    each = tuple(bodies[tuple(sorted(run.payload.items()))] for run in runs)
+    nominals = [assembled(body, known) for body in each]
+    return Problem(database, known, each, gather(runs, nominals))
+
+
+def merged(rows: Rows, new: Rows) -> dict[str, tuple[EffectRow, ...]]:
+    """Rows with others put in their places, or added where there were none."""
+    out = dict(rows)
+    for name, some in new.items():
+        by_place = {row.at: row for row in out.get(name, ())}
+        by_place.update((row.at, row) for row in some)
+        out[name] = tuple(by_place[at] for at in sorted(by_place))
+    return out
+
+
+def _loaded(database: Database, payload: Mapping[str, float]) -> Database:
+    """The database with a known payload fixed to its last arm."""
+    if not payload:
+        return database
+    body = Inertia(
+        payload["mass"],
+        (payload["x"], payload["y"], payload["z"]),
+        *(payload[name] for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")),
+    )
+    return replace(database, inertias=(*database.inertias[:-1], database.inertias[-1] + body))

@@ -1,0 +1,268 @@
+"""Which effects: all compete, the best is added, all are fitted again, until nothing earns its place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import EffectRow
+from .fit import Linear, blocks, linear, spread
+from .hypotheses import STEP, Hypothesis, hypotheses, place_of
+from .nuisances import Whitening
+from .problem import Problem, Rows, merged
+from .refine import refined
+
+Vector = NDArray[np.float64]
+
+MOST_FINDINGS = 6
+# log evidence that a finding needs: some hundreds compete, and a false name is worse than none
+THRESHOLD = 10.0
+# others are names of the same finding where their evidence is so near
+ALIKE = 5.0
+# what a name may leave more than the best one, as part of the gap's energy, and still not be told apart
+ALIKE_SHARE = 0.01
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Contender:
+    """A hypothesis with its best fit.
+
+    Attributes:
+        hypothesis: What is said.
+        gain: Log evidence above saying nothing.
+        explains: Part of the residual's energy above noise that it takes.
+        beta: Its numbers.
+        left: What it leaves, in units of noise.
+    """
+
+    hypothesis: Hypothesis
+    gain: float
+    explains: float
+    beta: Vector
+    left: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """An effect that was found.
+
+    Attributes:
+        effect, at: What and where.
+        row: Its values.
+        gain: Log evidence that it adds to the others.
+        rivals: Others that do as well: (effect, at, gain below the best, share of the energy that it leaves more).
+    """
+
+    effect: str
+    at: int
+    row: EffectRow
+    gain: float
+    rivals: tuple[tuple[str, int, float, float], ...] = ()
+
+    @property
+    def place(self) -> str:
+        """joint_N, arm_N or robot."""
+        return place_of(self.effect, self.at)
+
+
+@dataclass(slots=True)
+class Search:
+    """The search as it goes.
+
+    Attributes:
+        problem: The question.
+        whiten: Nuisances.
+        found: What was found, in order.
+        left: What is left, whitened, in units of noise.
+        first: Contenders of the first round, for the map of scores.
+    """
+
+    problem: Problem
+    whiten: Whitening
+    found: list[Found] = field(default_factory=list[Found])
+    left: Vector = field(default_factory=lambda: np.zeros(0))
+    first: list[Contender] = field(default_factory=list[Contender])
+    signatures: dict[tuple[str, int, str], Vector] = field(default_factory=dict[tuple[str, int, str], Vector])
+
+
+def rows_of(found: Sequence[Found]) -> Rows:
+    """Findings as tables."""
+    out: dict[str, tuple[EffectRow, ...]] = {}
+    for item in found:
+        out = merged(out, {item.effect: (item.row,)})
+    return out
+
+
+def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | None = None) -> Search:
+    """Find the effects."""
+    state = Search(problem, whiten)
+    state.left = whiten(problem.residual({}))
+    parts = blocks(problem.evidence)
+    while len(state.found) < MOST_FINDINGS:
+        ranked = contenders(state, parts)
+        if not state.first:
+            state.first = ranked
+        if not ranked or ranked[0].gain < THRESHOLD:
+            break
+        best = _refit_best(state, ranked, parts)
+        if best is None:
+            break
+        state.found, state.left = best
+        if tell:
+            tell(f"{state.found[-1].effect} at {state.found[-1].place}")
+    _prune(state, parts)
+    return state
+
+
+def contenders(state: Search, parts: list[tuple[int, int]], skip: Sequence[tuple[str, int]] = ()) -> list[Contender]:
+    """Every hypothesis beside what was found, by evidence, the best first."""
+    problem = state.problem
+    rows = rows_of(state.found)
+    taken = [(item.effect, item.at) for item in state.found]
+    base = problem.residual(rows)
+    fits: list[tuple[Hypothesis, Vector, Vector]] = []
+    for hypothesis in hypotheses(problem, rows, [*taken, *skip]):
+        known = (hypothesis.effect, hypothesis.at, hypothesis.form)
+        slope = state.signatures.get(known) if hypothesis.alone else None
+        r0 = base
+        if slope is None:
+            signature = _signature(problem, hypothesis, rows, base)
+            if signature is None:
+                continue
+            r0, slope = signature
+            slope = state.whiten(slope)
+            if hypothesis.alone:
+                state.signatures[known] = slope
+        fits.append((hypothesis, state.whiten(r0) if r0 is not base else state.left, slope))
+    return ranked(fits, state.left, parts)
+
+
+def ranked(
+    fits: Sequence[tuple[Hypothesis, Vector, Vector]], left: Vector, parts: list[tuple[int, int]]
+) -> list[Contender]:
+    """Hypotheses by evidence, judged by the spread that the best of them leaves."""
+    if not fits:
+        return []
+    sigma = spread(left, parts)
+    order: list[tuple[float, Hypothesis, Linear, Vector]] = []
+    # what is left by the best so far tells what misfit is to be expected; two rounds settle it
+    for _ in range(3):
+        null = float(np.sum((left / sigma) ** 2))
+        order = []
+        for hypothesis, r0, slope in fits:
+            fit = linear(r0 / sigma, slope / sigma[:, None], hypothesis.scale, hypothesis.lower)
+            gain = 0.5 * (null - fit.cost) - fit.volume
+            order.append((gain, hypothesis, fit, fit.left * sigma))
+        order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
+        if order[0][0] <= 0.0:
+            break
+        sigma = spread(order[0][3], parts)
+    energy = max(float(left @ left) - len(left), 1e-9)
+    out: list[Contender] = []
+    for gain, hypothesis, fit, rest in order:
+        explains = (float(left @ left) - float(rest @ rest)) / energy
+        out.append(Contender(hypothesis, gain, float(np.clip(explains, 0.0, 1.0)), fit.beta, rest))
+    return out
+
+
+def _signature(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vector) -> tuple[Vector, Vector] | None:
+    """Residual at beta = 0 and its slope, by differences."""
+    k = len(hypothesis.scale)
+    zero = np.zeros(k)
+    if hypothesis.alone:
+        r0 = base
+    else:
+        start = hypothesis.rows(zero)
+        if start is None:
+            return None
+        r0 = problem.residual(merged(rows, start))
+    columns: list[Vector] = []
+    for j in range(k):
+        step = zero.copy()
+        step[j] = STEP * hypothesis.scale[j]
+        moved = hypothesis.rows(step)
+        if moved is None:
+            return None
+        if hypothesis.effect == "payload" and j:
+            # a first moment needs a mass to be one of
+            step[0] = STEP * hypothesis.scale[0]
+            moved = hypothesis.rows(step)
+            if moved is None:
+                return None
+            columns.append((problem.residual(merged(rows, moved)) - r0) / step[j] - columns[0] * step[0] / step[j])
+            continue
+        columns.append((problem.residual(merged(rows, moved)) - r0) / step[j])
+    slope = np.column_stack(columns)
+    return (r0, slope) if np.all(np.isfinite(slope)) and np.all(np.isfinite(r0)) else None
+
+
+def _refit_best(
+    state: Search, order: list[Contender], parts: list[tuple[int, int]]
+) -> tuple[list[Found], Vector] | None:
+    """The best few with all their numbers free, together with what was found: the one that leaves least."""
+    tried: list[tuple[float, Contender, Mapping[tuple[str, int], EffectRow], Vector]] = []
+    seen: set[tuple[str, int]] = set()
+    best = order[0]
+    for contender in order:
+        key = contender.hypothesis.key
+        if key in seen or len(seen) >= 6 or contender.gain < max(THRESHOLD, 0.5 * best.gain):
+            continue
+        seen.add(key)
+        row = contender.hypothesis.rows(contender.beta)
+        if row is None:
+            continue
+        start = [*state.found, Found(*key, row[contender.hypothesis.effect][0], contender.gain)]
+        fit = refined(state.problem, state.whiten, start, parts)
+        tried.append((fit.cost, contender, fit.rows, fit.left))
+    if not tried:
+        return None
+    sigma = spread(min(tried, key=lambda entry: entry[0])[3], parts)
+    null = float(np.sum((state.left / sigma) ** 2))
+    scored = [
+        (0.5 * (null - float(np.sum((rest / sigma) ** 2))) - _occam(contender), contender, rows, rest)
+        for _, contender, rows, rest in tried
+    ]
+    scored.sort(key=lambda entry: (-entry[0], entry[1].hypothesis.key))
+    gain, winner, rows, rest = scored[0]
+    if gain < THRESHOLD:
+        return None
+    energy = max(float(state.left @ state.left) - len(state.left), 1e-9)
+    rivals: dict[tuple[str, int], tuple[str, int, float, float]] = {}
+    refits = {contender.hypothesis.key: (g, r) for g, contender, _, r in scored}
+    for contender in order:
+        key = contender.hypothesis.key
+        if key == winner.hypothesis.key or key in rivals:
+            continue
+        g, r = refits.get(key, (contender.gain, contender.left))
+        more = (float(r @ r) - float(rest @ rest)) / energy
+        if gain - g < ALIKE or more < ALIKE_SHARE:
+            rivals[key] = (*key, gain - g, more)
+    found = [replace(item, row=rows[item.effect, item.at]) for item in state.found]
+    key = winner.hypothesis.key
+    found.append(Found(*key, rows[key], gain, tuple(rivals.values())))
+    return found, rest
+
+
+def _occam(contender: Contender) -> float:
+    """What a hypothesis pays for its numbers, as in the linear fit."""
+    return 2.0 * len(contender.beta)
+
+
+def _prune(state: Search, parts: list[tuple[int, int]]) -> None:
+    """Take out again what the others make needless."""
+    for item in list(state.found):
+        others = [other for other in state.found if other is not item]
+        if not others:
+            continue
+        fit = refined(state.problem, state.whiten, others, parts)
+        sigma = spread(state.left, parts)
+        loss = 0.5 * (float(np.sum((fit.left / sigma) ** 2)) - float(np.sum((state.left / sigma) ** 2)))
+        if loss < THRESHOLD:
+            state.found = [replace(other, row=fit.rows[other.effect, other.at]) for other in others]
+            state.left = fit.left
+        elif not math.isfinite(loss):
+            raise ArithmeticError(f"{item.effect} at {item.place}: the fit without it is {loss!r}")
