@@ -174,16 +174,30 @@ class _Shrunk:
             for simulated in (before, after)
         ]
         self.before, self.after = (block.together() for block in blocks)
+        self._noises = noises
         # the same blocks of both
         self._drawn: tuple[Sums, ...] = tuple(block.drawn() for block in blocks)
 
     def by(self, signal: str | None = None) -> float | None:
         """1 - gap after / gap before, of a signal or all; None where there is no clear gap before."""
         before = float(self.before.gap(signal))
-        scatter = float(np.std(self._drawn[0].gap(signal)))
-        if not before > CLEAR * scatter:
+        if not before**2 > CLEAR * self._scatter(signal):
             return None
         return 1.0 - float(self.after.gap(signal)) / before
+
+    def _scatter(self, signal: str | None) -> float:
+        """Standard error of the squared gap before: of its blocks, and of how well the noise is known.
+
+        Of the square, because the gap itself cannot scatter below 0.
+        """
+        names = self.before.signals if signal is None else (signal,)
+        blocks = np.mean([np.mean(self._drawn[0].relative(name), axis=-1) for name in names], axis=0)
+        # channels of one signal are off together
+        known = 0.0
+        for name in names:
+            freedom: Vector = np.max([noise.freedom[name] for noise in self._noises], axis=0)
+            known += float(np.mean(np.sqrt(2.0 / freedom))) ** 2
+        return float(np.hypot(np.std(blocks), np.sqrt(known) / max(1, len(names))))
 
     def interval(self) -> tuple[float, float] | None:
         """95 % of what `by` is when blocks are drawn anew; None with it."""

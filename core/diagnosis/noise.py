@@ -18,7 +18,7 @@ from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .model import robot_of
 from .prepare import prepared
-from .resimulate import WINDOW, smoothed
+from .resimulate import WINDOW, settled, smoothed
 
 Vector = NDArray[np.float64]
 
@@ -173,7 +173,7 @@ def _fed_back(run: Run) -> Vector:
 def _through_inverse_dynamics(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Mode unknown: torque's noise behind the filter, and the position's behind filter, derivatives and masses."""
     grid, arms = smoothed(run), dynamics(robot, always_compiled=True)
-    inside = slice(grid.edge, len(grid.t) - grid.edge)
+    inside = settled(grid)
     rotor = np.array([0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
     base = arms.inverse_dynamics(grid.q, grid.dq, grid.ddq) + rotor * grid.ddq
     names = [name for name in ("tau", "tau_link") if run.has(name)]

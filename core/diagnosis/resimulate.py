@@ -35,6 +35,8 @@ FINE_RATE = 1000.0
 BEGINNING, FEWEST = 0.02, 8
 # what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
 PLAIN, FAST = 8.0, 0.02
+# a filter that was begun on a moving robot is let settle so many of its edges long
+SETTLED = 3
 # finer ticks where a delay is not a whole number of them
 FINER = 4
 
@@ -43,6 +45,12 @@ FINER = 4
 def smoothed(run: Run) -> Prepared:
     """The run behind the zero-phase filter that mode unknown is compared through, made once a run."""
     return prepared(run)
+
+
+def settled(grid: Prepared) -> slice:
+    """Where the filter's ends are no longer felt."""
+    edge = min(SETTLED * grid.edge, len(grid.t) // 4)
+    return slice(edge, len(grid.t) - edge)
 
 
 def resimulated(
@@ -87,12 +95,12 @@ def compared(run: Run) -> dict[str, Vector]:
         return {name: run.signals[name] for name in MEASURED if run.has(name)}
     grid = smoothed(run)
     found: dict[str, Vector] = {}
-    inside = (run.t >= grid.t[grid.edge]) & (run.t <= grid.t[-1 - grid.edge])
+    known = settled(grid)
+    inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
     for name in ("tau", "tau_link"):
         if run.has(name):
             values = _between(grid.t, grid.measured[name], run.t)
-            known = np.isfinite(run.signals[name]) & inside[:, None]
-            found[name] = np.where(known, values, np.nan)
+            found[name] = np.where(np.isfinite(run.signals[name]) & inside[:, None], values, np.nan)
     return found
 
 

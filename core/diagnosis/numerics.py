@@ -1,0 +1,151 @@
+"""Suspects that are no physics, tried before any effect: the integrator's step, the controller's hold, the stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..expansion import expanded
+from ..recording import Run
+from ..recording.run import MEASURED
+from ..representation import Robot
+from ..simulation import Backend, backend_named
+from ..simulation.step import choose_step, poses_of
+from .noise import Noise
+from .resimulate import linear, residuals, resimulated
+
+Vector = NDArray[np.float64]
+
+# a controller that ticks so much faster is nearly a continuous one
+FASTER = 4
+# a shift is told where it stands so many standard errors above none, and is so many samples long
+CLEAR, SHORTEST = 5.0, 0.1
+# channels that say the same shift agree to this part of it, or of a sample
+AGREE = 0.25
+# stamps that are further off than so many samples are no matter of counting
+FURTHEST = 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numerics:
+    """What is no physics in a gap.
+
+    Attributes:
+        step: Integration step [s].
+        step_error: Signal -> rms of what half the step changes, a value a channel.
+        hold_error: Signal -> rms of what a controller changes that ticks faster; {} where none ticks.
+        shift: By how much all measured signals come later than the command says [s]; 0 where they do not.
+        notes: The same in sentences.
+    """
+
+    step: float
+    step_error: Mapping[str, Vector]
+    hold_error: Mapping[str, Vector]
+    shift: float
+    notes: tuple[str, ...]
+
+
+def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noise: Noise) -> Numerics:
+    """Try the numerical suspects on a run: two or three simulations.
+
+    Args:
+        robot: As the run is compared with.
+        nominal: Whose rigid bodies the controller's feedforward knows.
+        run: What was measured.
+        backend: The engine.
+        noise: Of the run.
+    """
+    engine = backend_named(backend) if isinstance(backend, str) else backend
+    step = step_of(robot, run, engine)
+    base = resimulated(robot, nominal, run, engine, step=step)
+    step_error = _apart(base, resimulated(robot, nominal, run, engine, step=0.5 * step))
+    hold_error: dict[str, Vector] = {}
+    if run.control.mode == "pd":
+        quick = replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
+        hold_error = _apart(base, resimulated(robot, nominal, quick, engine, step=step))
+    shift = shift_of(run, base, noise)
+    notes = [_said(f"Half the step ({0.5 * step!r} s) changes the simulation of {run.name}", step_error, noise)]
+    if hold_error:
+        notes.append(_said(f"A controller {FASTER} times as fast changes that of {run.name}", hold_error, noise))
+    if shift:
+        notes.append(
+            f"All that was measured in {run.name} comes {1e3 * shift:.3f} ms ({shift * run.rate:.2f} samples) "
+            f"{'after' if shift > 0.0 else 'before'} its stamps; that is taken out and is no effect."
+        )
+    return Numerics(step, step_error, hold_error, shift, tuple(notes))
+
+
+def step_of(robot: Robot, run: Run, backend: Backend) -> float:
+    """Integration step that a simulation of the run takes [s]."""
+    imposed = run.control.mode in ("motion", "unknown")
+    whole = expanded(robot, imposed=imposed)
+    poses = whole.spread(poses_of(robot, run.motion()))
+    return choose_step(whole.robot, backend, imposed=imposed, poses=poses)
+
+
+def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
+    """By how much measured signals come later than simulated ones, if all channels say the same [s]; else 0.
+
+    A delay of the drives is another thing: there the torque is late against the controller, while position, torque
+    and tool were recorded at one instant, so that their shifts differ.
+    """
+    if run.control.mode in ("torque", "unknown"):
+        # their simulation begins from what was measured
+        return 0.0
+    left, sigma = residuals(run, simulated), noise.sigma
+    shifts: list[float] = []
+    errors: list[float] = []
+    signals: set[str] = set()
+    for name in (name for name in ("q", "tau", "ee", "q_link", "tau_link") if name in left):
+        rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))
+        for i in range(simulated[name].shape[1]):
+            good = np.isfinite(left[name][:, i])
+            rate = rates[good, i] - float(np.mean(rates[good, i])) if good.any() else rates[:0, i]
+            power = float(rate @ rate)
+            error = float(sigma[name][i]) / np.sqrt(power) if power > 0.0 else np.inf
+            # a channel that could not tell a tenth of a sample has no say
+            if error * run.rate < SHORTEST / 2.0:
+                shifts.append(-float(rate @ left[name][good, i]) / power)
+                errors.append(error)
+                signals.add(name)
+    if len(shifts) < 2:
+        return 0.0
+    if run.has("tau") and "tau" not in signals:
+        return 0.0
+    values, spread = np.array(shifts), np.array(errors)
+    common = float(np.median(values))
+    error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))
+    clear = abs(common) > max(CLEAR * error, SHORTEST / run.rate) and abs(common) < FURTHEST / run.rate
+    near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / run.rate), 4.0 * spread)
+    return common if clear and near.all() else 0.0
+
+
+def unshifted(run: Run, shift: float) -> Run:
+    """The run with what was measured put back by a shift [s]; the command stays where it is."""
+    if not shift:
+        return run
+    signals = dict(run.signals)
+    for name in (name for name in MEASURED if run.has(name)):
+        signals[name] = linear(run.t, run.signals[name], run.t + shift)
+    return replace(run, signals=signals)
+
+
+def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector]) -> dict[str, Vector]:
+    return {
+        name: np.sqrt(np.mean(np.square(values - other[name]), axis=0))
+        for name, values in one.items()
+        if name != "ee_rot"
+    }
+
+
+def _said(what: str, error: Mapping[str, Vector], noise: Noise) -> str:
+    """A sentence with the largest error in units of noise."""
+    sigma = noise.sigma
+    worst = [(float(np.max(error[name] / np.maximum(sigma[name], 1e-300))), name) for name in error if name in sigma]
+    if not worst:
+        return f"{what} in no signal that is compared."
+    size, name = max(worst)
+    return f"{what} by {size:.2g} times the noise at most (in {name})."

@@ -1,0 +1,112 @@
+"""Runs of the built-in pendulum out of its equation of motion; nothing of the package moves it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mbexport.core.control import Control
+from mbexport.core.recording import Run
+
+Vector = NDArray[np.float64]
+
+# mass, center of mass, length, inertia about the axis: examples/robots/pendulum
+MASS, CENTER, LENGTH = 1.2, 0.45, 0.5
+INERTIA = 8.0e-3 + MASS * CENTER**2
+WEIGHT = MASS * 9.81 * CENTER
+KP, KD = 60.0, 4.0
+NOISE = {"q": 2.0e-5, "tau": 0.01}
+# steps between two ticks
+FINE = 3
+
+
+def command(t: Vector | float) -> tuple[Vector, Vector, Vector]:
+    """Two sines that begin at rest, with their derivatives."""
+    x = np.asarray(t, dtype=float)
+    q = 0.6 * (1.0 - np.cos(2.1 * x)) + 0.25 * (1.0 - np.cos(5.3 * x))
+    dq = 0.6 * 2.1 * np.sin(2.1 * x) + 0.25 * 5.3 * np.sin(5.3 * x)
+    ddq = 0.6 * 2.1**2 * np.cos(2.1 * x) + 0.25 * 5.3**2 * np.cos(5.3 * x)
+    return q, dq, ddq
+
+
+def friction_free(t: float, q: float, dq: float) -> float:
+    """No torque."""
+    return 0.0
+
+
+def _stepped(
+    t: float, q: float, dq: float, held: float, against: Callable[[float, float, float], float]
+) -> tuple[float, float]:
+    """One step of Heun's method of order three."""
+    h = 1.0e-3 / FINE
+
+    def bend(s: float, x: float, v: float) -> float:
+        return (held - WEIGHT * math.sin(x) - against(s, x, v)) / INERTIA
+
+    a = bend(t, q, dq)
+    v, b = dq + h * a / 3.0, bend(t + h / 3.0, q + h * dq / 3.0, dq + h * a / 3.0)
+    w = dq + 2.0 * h * b / 3.0
+    c = bend(t + 2.0 * h / 3.0, q + 2.0 * h * v / 3.0, w)
+    return q + h * (dq + 3.0 * w) / 4.0, dq + h * (a + 3.0 * c) / 4.0
+
+
+def pendulum_run(
+    mode: str = "pd",
+    against: Callable[[float, float, float], float] = friction_free,
+    *,
+    seed: int = 0,
+    duration: float = 4.0,
+    rate: float = 250.0,
+    late: float = 0.0,
+    stamps: Vector | None = None,
+    noise: dict[str, float] | None = None,
+) -> Run:
+    """What the pendulum's sensors say; its controller ticks at 1 kHz and holds its torque.
+
+    Args:
+        mode: Control mode.
+        against: Torque against the motion at (t, q, dq).
+        seed: Of the noise.
+        duration: [s].
+        rate: Of the record [Hz].
+        late: By how much the measured signals come after their stamps [s].
+        stamps: Times instead of uniform ones.
+        noise: Standard deviations.
+    """
+    sigma = NOISE if noise is None else noise
+    ticks = np.arange(round(duration * 1000) + 1) / 1000.0
+    q_cmd, dq_cmd, ddq_cmd = command(ticks)
+    tau = np.empty_like(ticks)
+    states = np.empty((len(ticks), 2))
+    q = dq = 0.0
+    for k, t in enumerate(ticks.tolist()):
+        if mode == "motion":
+            q, dq = float(q_cmd[k]), float(dq_cmd[k])
+            states[k] = q, dq
+            tau[k] = INERTIA * ddq_cmd[k] + WEIGHT * math.sin(q) + against(t, q, dq)
+            continue
+        states[k] = q, dq
+        held = KP * (float(q_cmd[k]) - q) + KD * (float(dq_cmd[k]) - dq)
+        tau[k] = held
+        for part in range(FINE):
+            q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, held, against)
+    t = np.arange(int(duration * rate) + 1) / rate if stamps is None else stamps
+    random = np.random.default_rng(seed)
+    at = np.clip(t - late, 0.0, None)
+    place = np.interp(at, ticks, states[:, 0])
+    held = tau[np.floor(at * 1000 + 1e-6).astype(int)]
+    signals = {
+        "q": place[:, None] + sigma["q"] * random.normal(size=(len(t), 1)),
+        "tau": held[:, None] + sigma["tau"] * random.normal(size=(len(t), 1)),
+    }
+    asked = command(t)
+    if mode == "torque":
+        signals["tau_cmd"] = tau[np.floor(t * 1000 + 1e-6).astype(int)][:, None]
+    elif mode != "unknown":
+        signals["q_cmd"], signals["dq_cmd"] = asked[0][:, None], asked[1][:, None]
+    control = Control("pd", (KP,), (KD,)) if mode == "pd" else Control(mode)
+    stated = {"q": np.array([sigma["q"]]), "tau": np.array([sigma["tau"]])}
+    return Run("swing", t, signals, control, stated, (), {}, "", (), rate)

@@ -1,0 +1,63 @@
+"""Suspects that are no physics: stamps that are off, a hold, a step; a delay of the drive is none of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pendulums import KD, KP, NOISE, command, pendulum_run
+
+from mbexport.core.database import load
+from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.noise import noise_floor
+from mbexport.core.diagnosis.numerics import numerics, shift_of, unshifted
+from mbexport.core.diagnosis.resimulate import residuals, resimulated
+
+DATABASE = load("pendulum")
+
+
+def shift_in(run):
+    robot = robot_of(DATABASE, "rigid", run)
+    simulated = resimulated(robot, robot, run, "mjcf")
+    return shift_of(run, simulated, noise_floor(DATABASE, "rigid", run))
+
+
+@pytest.mark.parametrize("late", [0.004, 0.002])
+def test_stamps_that_are_late_are_found_and_put_back(late):
+    run = pendulum_run("pd", late=late)
+    assert shift_in(run) == pytest.approx(late, rel=0.1)
+    robot = robot_of(DATABASE, "rigid", run)
+    back = unshifted(run, shift_in(run))
+    left = residuals(back, resimulated(robot, robot, back, "mjcf"))["q"][5:-5]
+    assert np.sqrt(np.nanmean(np.square(left))) < 3.0 * NOISE["q"]
+
+
+def test_good_stamps_and_friction_are_no_shift():
+    assert shift_in(pendulum_run("pd")) == 0.0
+    assert shift_in(pendulum_run("pd", lambda t, q, dq: 0.4 * dq)) == 0.0
+    assert shift_in(pendulum_run("pd", lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3))) == 0.0
+
+
+def test_a_late_drive_is_no_late_stamp():
+    past: dict[float, float] = {}
+
+    def late_torque(t, q, dq):
+        """What takes the torque away that is held now and gives that of 4 ms ago instead."""
+        wanted = float(command(t)[0])
+        now = KP * (wanted - q) + KD * (float(command(t)[1]) - dq)
+        past[round(t, 6)] = now
+        before = past.get(round(t - 0.004, 6), now)
+        return now - before
+
+    assert shift_in(pendulum_run("pd", late_torque, duration=2.0)) == 0.0
+
+
+def test_a_smooth_run_is_neither_its_step_nor_its_hold():
+    run = pendulum_run("pd")
+    robot = robot_of(DATABASE, "rigid", run)
+    found = numerics(robot, robot, run, "mjcf", noise_floor(DATABASE, "rigid", run))
+    assert found.step == pytest.approx(1e-3)
+    assert found.step_error["q"][0] < 1e-3 * NOISE["q"]
+    assert found.shift == 0.0
+    # the hold of one tick moves what a millisecond's lag of the damping moves, above nothing
+    assert 0.0 < found.hold_error["q"][0] < 50.0 * NOISE["q"]
+    assert len(found.notes) == 2

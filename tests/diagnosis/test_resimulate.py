@@ -1,0 +1,117 @@
+"""Re-simulation against pendulums that step through their equation of motion by another method at another step."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pendulums import CENTER, INERTIA, MASS, NOISE, WEIGHT, pendulum_run
+
+from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.resimulate import compared, residuals, resimulated, start_of
+from mbexport.core.effects import EffectRow
+from mbexport.core.errors import UsageError
+from mbexport.core.kinematics import dynamics
+
+DATABASE = load("pendulum")
+
+
+def robot(run, **rows):
+    return robot_of(DATABASE, "rigid", run, {name: tuple(found) for name, found in rows.items()})
+
+
+def rms(values):
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+@pytest.mark.parametrize("backend", ["urdf", "mjcf"])
+@pytest.mark.parametrize("mode", ["pd", "motion"])
+def test_a_perfect_model_leaves_the_noise(mode, backend):
+    run = pendulum_run(mode)
+    left = residuals(run, resimulated(robot(run), robot(run), run, backend))
+    assert rms(left["q"]) == pytest.approx(NOISE["q"], rel=0.1)
+    assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
+
+
+def test_friction_that_the_model_has_is_no_gap_and_one_that_it_lacks_is():
+    run = pendulum_run("pd", lambda t, q, dq: 0.5 * dq)
+    base = robot(run)
+    rubbing = robot(run, viscous_friction=[EffectRow(1, FrozenMap({"coefficient": 0.5}))])
+    assert rms(residuals(run, resimulated(rubbing, base, run, "mjcf"))["q"]) < 1.15 * NOISE["q"]
+    assert rms(residuals(run, resimulated(base, base, run, "mjcf"))["q"]) > 20.0 * NOISE["q"]
+
+
+def test_stamps_that_jitter_miss_and_lack_a_clock():
+    stamps = np.cumsum(np.random.default_rng(5).uniform(0.002, 0.006, 900))
+    stamps = np.concatenate([[0.0], stamps[stamps < 3.9]])
+    run = pendulum_run("pd", stamps=stamps)
+    run = replace(run, signals={**run.signals, "tau": np.full_like(run.signals["tau"], np.nan)})
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    assert rms(left["q"]) == pytest.approx(NOISE["q"], rel=0.15)
+    assert np.isnan(left["tau"]).all()
+    whole = pendulum_run("pd")
+    kept = np.delete(np.arange(len(whole.t)), np.arange(100, 160))
+    holed = replace(whole, t=whole.t[kept], signals={name: x[kept] for name, x in whole.signals.items()})
+    left = residuals(holed, resimulated(robot(holed), robot(holed), holed, "mjcf"))["tau"]
+    # nobody knows what was asked for in the hole
+    assert rms(left[np.abs(holed.t - 0.6) > 0.7]) < 1.1 * NOISE["tau"]
+
+
+def test_torque_alone_is_followed_in_windows():
+    run = pendulum_run("torque", rate=1000.0)
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    # half a second from a start that is known as well as its sensor lets it
+    assert rms(left["q"]) < 30.0 * NOISE["q"]
+    assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
+    heavy = robot(run, payload=[EffectRow(0, FrozenMap(_body(0.3)))])
+    assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"))["q"]) > 100.0 * NOISE["q"]
+
+
+def test_unknown_control_compares_torques_behind_one_filter():
+    run = pendulum_run("unknown", rate=1000.0)
+    assert set(compared(run)) == {"tau"}
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    assert set(left) == {"tau"}
+    assert rms(left["tau"]) < 3.0 * NOISE["tau"]
+    assert np.isnan(left["tau"][[0, -1]]).all()
+
+
+def test_a_run_that_begins_moving_begins_so():
+    run = pendulum_run("pd")
+    assert start_of(robot(run), run) is None
+    cut = run.t >= 1.0
+    late = replace(run, t=run.t[cut] - 1.0, signals={name: values[cut] for name, values in run.signals.items()})
+    start = start_of(robot(late), late)
+    assert start is not None
+    assert start.dtheta[0] == pytest.approx(np.polyfit(late.t[:15], late.signals["q"][:15, 0], 3)[2], abs=0.02)
+    assert rms(residuals(late, resimulated(robot(late), robot(late), late, "mjcf"))["q"]) < 10.0 * NOISE["q"]
+
+
+def _body(mass):
+    return {"mass": mass, "x": 0.0, "y": 0.0, "z": 0.0} | dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0)
+
+
+def test_payloads_of_log_and_database_hang_together():
+    run = replace(pendulum_run("motion", duration=1.0), payload=_body(0.2))
+    here = robot_of(DATABASE, "rigid", run, {"payload": (EffectRow(0, FrozenMap(_body(0.3))),)})
+    # both at the tool, 0.5 m from the axis
+    weight = dynamics(here).gravity(np.array([math.pi / 2]))[0]
+    assert weight == pytest.approx(9.81 * (MASS * CENTER + 0.5 * 0.5), rel=1e-12)
+    alone = dynamics(robot(pendulum_run("motion", duration=1.0)))
+    assert alone.gravity([math.pi / 2])[0] == pytest.approx(WEIGHT)
+    assert dynamics(robot(run)).mass_matrix(np.zeros(1))[0, 0] == pytest.approx(INERTIA + 0.2 * 0.25)
+
+
+def test_found_rows_stand_on_a_level_that_leaves_their_table_out():
+    arm = load("imece2013")
+    run = pendulum_run("motion", duration=1.0)
+    found = {"joint_compliance": (EffectRow(2, FrozenMap({"stiffness": 5.0e4, "damping": 10.0})),)}
+    elastic = [stage.drive.spring for stage in robot_of(arm, "rigid", run, found).stages]
+    assert [spring is not None for spring in elastic] == [False, True, False, False, False, False]
+    kept = [stage.drive.spring for stage in robot_of(arm, "full", run, found).stages]
+    assert [spring.stiffness for spring in kept if spring][:3] == [180000.0, 50000.0, 180000.0]
+    with pytest.raises(UsageError, match="no level 'soft'"):
+        robot_of(arm, "soft", run)
