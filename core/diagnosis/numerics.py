@@ -104,7 +104,7 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
         for i in range(simulated[name].shape[1]):
             good = np.isfinite(left[name][:, i])
             rate = rates[good, i] - float(np.mean(rates[good, i])) if good.any() else rates[:0, i]
-            power = float(rate @ rate)
+            power = float(np.sum(rate**2))
             error = float(sigma[name][i]) / np.sqrt(power) if power > 0.0 else np.inf
             # a channel that could not tell a tenth of a sample has no say
             if error * run.rate < SHORTEST / 2.0:
