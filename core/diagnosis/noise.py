@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ..database import Database, Tolerance
 from ..kinematics import dynamics, kinematics
-from ..recording import ChannelNoise, Run, noise_of
+from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .model import robot_of
-from .prepare import prepared
+from .prepare import noise_in, prepared
 from .resimulate import WINDOW, settled, smoothed
 
 Vector = NDArray[np.float64]
@@ -100,7 +100,7 @@ def _sensor(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector
     sigma: dict[str, Vector] = {}
     samples: dict[str, Vector] = {}
     for name in (name for name in MEASURED if run.has(name)):
-        noise = noise_of(run, name)
+        noise = noise_in(run, name)
         size = 3 if name.startswith("ee") else run.n
         sigma[name] = noise.sigma * np.ones(size)
         samples[name] = _independent(noise, int(np.isfinite(run.signals[name]).any(axis=1).sum())) * np.ones(size)
@@ -148,7 +148,7 @@ def _fed_back(run: Run) -> Vector:
     """Noise of the torque [N m or N] that a controller makes of its sensor's, where the record shows it, shape (n,)."""
     control = run.control
     q, tau = run.signals["q"], run.signals["tau"]
-    noise = noise_of(run, "q")
+    noise = noise_in(run, "q")
     out = np.zeros(run.n)
     for i in range(run.n):
         if i >= len(control.kp):
@@ -166,7 +166,7 @@ def _fed_back(run: Run) -> Vector:
         if power > 0.0 and float(x @ y) / power > SEEN:
             out[i] = float(x @ y) / power * control.kp[i] * float(noise.sigma[i])
             if run.has("dq"):
-                out[i] = np.hypot(out[i], control.kd[i] * float(noise_of(run, "dq").sigma[i]))
+                out[i] = np.hypot(out[i], control.kd[i] * float(noise_in(run, "dq").sigma[i]))
     return out
 
 
@@ -179,7 +179,7 @@ def _through_inverse_dynamics(robot: Robot, run: Run) -> tuple[dict[str, Vector]
     names = [name for name in ("tau", "tau_link") if run.has(name)]
     found: dict[str, list[Vector]] = {name: [] for name in names}
     for draw in range(DRAWS):
-        extra = {name: _drawn(run, noise_of(run, name), 100 * draw + k) for k, name in enumerate(("q", *names))}
+        extra = {name: _drawn(run, noise_in(run, name), 100 * draw + k) for k, name in enumerate(("q", *names))}
         other = prepared(run, grid.band, extra)
         torque = arms.inverse_dynamics(other.q, other.dq, other.ddq) + rotor * other.ddq - base
         for name in names:
@@ -203,7 +203,7 @@ def _effective(values: Vector) -> float:
 def _add_start(robot: Robot, run: Run, sigma: dict[str, Vector], samples: dict[str, Vector]) -> None:
     """Mode torque: what noise in a window's first state grows to within it, into sigma and samples."""
     grid = smoothed(run)
-    noise = noise_of(run, "q")
+    noise = noise_in(run, "q")
     starts = np.arange(0.0, run.t[-1], WINDOW)
     at = np.clip(np.round(starts / grid.h).astype(np.int64), 0, len(grid.t) - 1)
     others = [prepared(run, grid.band, {"q": _drawn(run, noise, seed)}) for seed in range(DRAWS)]

@@ -16,12 +16,12 @@ from ..control import Control
 from ..expansion import expanded
 from ..kinematics import dynamics
 from ..motion import MotionLaw, from_table, hold
-from ..recording import Run, noise_of
+from ..recording import Run
 from ..recording.run import MEASURED
 from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, simulate
 from ..simulation.settle import sagged
-from .prepare import Prepared, prepared
+from .prepare import Prepared, noise_in, prepared
 
 Vector = NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def start_of(robot: Robot, run: Run) -> MachineState | None:
     """
     first = (run.t <= BEGINNING) | (np.arange(len(run.t)) < FEWEST)
     q, dq = np.empty(run.n), np.empty(run.n)
-    sigma = noise_of(run, "q").sigma
+    sigma = noise_in(run, "q").sigma
     moving = False
     fastest = np.nanmax(np.abs(smoothed(run).dq), axis=0)
     for i, column in enumerate(run.signals["q"][first].T):
