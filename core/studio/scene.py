@@ -22,10 +22,14 @@ RIGID = (0, 114, 178)
 REAL = (213, 94, 0)
 _GHOST = (120, 150, 175)
 _GHOST_OPACITY = 0.28
+# thinner than the robot, so that surfaces that all but coincide do not shine through each other
+_GHOST_SCALE = 0.96
 _RIGID_WIDTH, _REAL_WIDTH = 5.0, 2.5
 # the longest error is drawn as this part of the reach where nothing else is said
 _DRAWN_PART = 0.06
 _LARGEST_DRAWN = 1000.0
+# of a cylinder
+_SIDES = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +141,7 @@ class Scene:
                 colour = (round(255 * shape.rgba[0]), round(255 * shape.rgba[1]), round(255 * shape.rgba[2]))
                 opacity = None if shape.rgba[3] >= 1.0 else shape.rgba[3]
                 self._add_shape(f"/base/{name}/{count}", shape, colour, opacity)
-                self._add_shape(f"/base/{name}_rigid/{count}", shape, _GHOST, _GHOST_OPACITY)
+                self._add_shape(f"/base/{name}_rigid/{count}", shape, _GHOST, _GHOST_OPACITY, _GHOST_SCALE)
         names = ["base", *(stage.arm.name for stage in robot.stages), "tool"]
         length = 0.09 * size
         self._frames = [
@@ -150,11 +154,16 @@ class Scene:
             )
             for name in names
         ]
+        # the tool's name would cover the last arm's
+        same = robot.tool == Pose()
         for name in names:
+            text = "" if same and name == names[-2] else f"{names[-2]}, tool" if same and name == "tool" else name
+            if not text:
+                continue
             self._shapes.append(
                 scene.add_label(
                     f"/base/frame_{name}/name",
-                    name.replace("_", " "),
+                    text.replace("_", " "),
                     position=(0.25 * length, 0.25 * length, 0.6 * length),
                     font_screen_scale=0.8,
                 )
@@ -180,16 +189,16 @@ class Scene:
             self._axes.append(node)
         self._drawn = robot
 
-    def _add_shape(self, name: str, shape: Shape, colour: tuple[int, int, int], opacity: float | None) -> None:
+    def _add_shape(
+        self, name: str, shape: Shape, colour: tuple[int, int, int], opacity: float | None, scale: float = 1.0
+    ) -> None:
         scene = self._scene
         place: dict[str, Any] = {"position": shape.in_arm.xyz, "wxyz": shape.in_arm.quaternion()}
-        look: dict[str, Any] = {**place, "color": colour, "opacity": opacity, "cast_shadow": False}
+        look: dict[str, Any] = {**place, "color": colour, "opacity": opacity, "scale": scale, "cast_shadow": False}
         if shape.kind == "box":
             node = scene.add_box(name, dimensions=shape.size, **look)
         elif shape.kind == "cylinder":
-            node = scene.add_cylinder(
-                name, radius=shape.size[0], height=shape.size[1], radial_segments=64, flat_shading=True, **look
-            )
+            node = scene.add_mesh_simple(name, *_cylinder(shape.size[0], shape.size[1]), **look)
         elif shape.kind == "sphere":
             node = scene.add_icosphere(name, radius=shape.size[0], **look)
         else:
@@ -238,6 +247,29 @@ def _place(nodes: Sequence[Any], frames: Sequence[Array] | Array) -> None:
     for node, frame in zip(nodes, frames, strict=True):
         pose = Pose.from_matrix(frame)
         node.position, node.wxyz = pose.xyz, pose.quaternion()
+
+
+def _cylinder(radius: float, length: float) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (4 m + 2, 3) and triangles of a cylinder about z.
+
+    Sides and ends share no vertices, so that each is shaded smoothly by itself.
+    """
+    m = _SIDES
+    angles = 2.0 * np.pi * np.arange(m) / m
+    ring = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(m, 0.5 * length)])
+    mirrored = ring * (1.0, 1.0, -1.0)
+    vertices = np.vstack([ring, mirrored, ring, mirrored, [[0.0, 0.0, 0.5 * length], [0.0, 0.0, -0.5 * length]]])
+    k = np.arange(m)
+    after = (k + 1) % m
+    faces = np.vstack(
+        [
+            np.column_stack([k, m + k, after]),
+            np.column_stack([after, m + k, m + after]),
+            np.column_stack([2 * m + k, 2 * m + after, np.full(m, 4 * m)]),
+            np.column_stack([3 * m + after, 3 * m + k, np.full(m, 4 * m + 1)]),
+        ]
+    )
+    return vertices, faces
 
 
 def _mesh(file: str, folder: Path | None) -> Any:

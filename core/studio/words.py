@@ -20,7 +20,7 @@ _STYLE = (
 
 def readout(view: View, motion: str, factor: float) -> str:
     """The tip's error where the robot stands, and along the motion."""
-    where = "at rest" if view.time is None or view.paths is None else f"at {view.time:.3f} s"
+    where = "at rest" if view.time is None or view.paths is None else f"at {view.time:.2f} s"
     lines = [
         _line(f"Tip's error, {where}", _millimetres(view.posture.error)),
         _along(view, motion),
@@ -71,7 +71,7 @@ def _millimetres(error: Array) -> str:
     length = float(np.linalg.norm(1.0e3 * error))
     return (
         f"<b id='error'>{_number(length)} mm</b> "
-        f"<span style='color:{_GREY}'>(x {_signed(x)}, y {_signed(y)}, z {_signed(z)})</span>"
+        f"<span style='color:{_GREY}'>x {_signed(x)} y {_signed(y)} z {_signed(z)}</span>"
     )
 
 
@@ -81,7 +81,7 @@ def _number(value: float) -> str:
 
 def _signed(value: float) -> str:
     # what rounds to nothing has no sign
-    return f"{value + 0.0:+.3f}" if abs(value) >= 0.0005 else "0"
+    return f"{value:+.2f}" if abs(value) >= 0.005 else "0"
 
 
 def _times(factor: float) -> str:

@@ -16,6 +16,7 @@ from mbexport.core.studio import Bench
 from mbexport.core.studio.guard import is_loopback, may_talk
 from mbexport.core.studio.paths import rigid_of, run_paths
 from mbexport.core.studio.posture import Postures
+from mbexport.core.studio.scene import _cylinder
 from mbexport.core.studio.words import changes, readout
 from mbexport.core.studio.worker import Latest
 from mbexport.core.study.values import Place
@@ -170,6 +171,16 @@ def test_a_pause_spares_jobs():
 )
 def test_only_the_page_itself_may_talk(origin, host, loopback, answer):
     assert may_talk(origin, host, loopback=loopback) is answer
+
+
+def test_cylinders_are_closed_and_look_outwards():
+    vertices, faces = _cylinder(0.1, 0.5)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    # volume by the divergence theorem is positive where all triangles look outwards
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    assert volume == pytest.approx(np.pi * 0.1**2 * 0.5, rel=0.01)
+    normals = np.cross(b - a, c - a)
+    assert (np.einsum("ij,ij->i", normals, a + b + c) > 0.0).all()
 
 
 def test_loopback():
