@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
+from importlib import import_module
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .colour import LENGTHS, coloured
 from .run import Run, Vector
 
-_ORDER = 6
+Rows = NDArray[np.bool_]
+
+# before and after a reversal, where friction jumps, a motion is not smooth and a controller settles [s]
+_BEFORE, _AFTER = 0.04, 0.08
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelNoise:
-    """Noise of a signal's channels: x_k = sum of ar_j x_(k-j) + innovation, of standard deviation sigma.
+    """Noise of a signal's channels: x_k = sum over j of ar_j x_(k-j) + innovation, of standard deviation sigma.
 
     Attributes:
-        sigma: Standard deviation, at least the quantisation step / sqrt 12, shape (n,).
+        sigma: Standard deviation, at least the quantisation step / sqrt 12, shape (n,); ee_rot: about each axis [rad],
+            shape (1,).
         ar: Coefficients of an autoregressive model, 0 where white, shape (n, p).
         step: Quantisation step, 0 where none was found, shape (n,).
         stated: Whether sigma is log.yaml's.
@@ -32,23 +39,30 @@ class ChannelNoise:
 def noise_of(run: Run, signal: str) -> ChannelNoise:
     """Noise of a signal: stated where log.yaml has it, else estimated from what no model could explain.
 
+    Estimated from the part of a channel's spectrum that stays once everything smooth is taken out, in stretches
+    between reversals (colour.py); never from how well some model fits. The colour is estimated in any case. Noise that
+    is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
+    on below by the autoregression.
+
     Raises:
         KeyError: The run has no such signal.
     """
     values = run.signals[signal]
-    weights = np.array([(-1.0) ** k * comb(_ORDER, k) for k in range(_ORDER + 1)])
-    step = np.array([quantisation(column) for column in values.T])
-    sigma = np.zeros(values.shape[1])
-    for i, column in enumerate(values.T):
-        left = np.convolve(column, weights, "valid")
-        left = left[np.isfinite(left)]
-        if len(left):
-            sigma[i] = np.median(np.abs(left)) / 0.6745 / np.sqrt(comb(2 * _ORDER, _ORDER))
+    known = _motion_of(run)
+    found = [
+        _channel(run, values[:, i], known, i if values.shape[1] == run.n else None) for i in range(values.shape[1])
+    ]
+    variance, step = np.array([one[0] for one in found]), np.array([one[2] for one in found])
+    orders = max(1, *(len(one[1]) for one in found))
+    ar = np.array([np.pad(one[1], (0, orders - len(one[1]))) for one in found])
+    if signal == "ee_rot":
+        # a turn by a small angle moves the quaternion by half of it, square to itself
+        variance, ar, step = np.array([4.0 / 3.0 * variance.sum()]), ar[[int(np.argmax(variance))]], 2.0 * step[:1]
     stated = signal in run.noise
+    sigma = np.sqrt(variance)
     if stated:
-        sigma = np.array(run.noise[signal]) * np.ones(values.shape[1] if signal != "ee_rot" else 1)
-    count = len(sigma)
-    return ChannelNoise(np.maximum(sigma, step[:count] / np.sqrt(12.0)), np.zeros((count, 1)), step[:count], stated)
+        sigma = np.broadcast_to(run.noise[signal], sigma.shape)
+    return ChannelNoise(np.maximum(sigma, step / np.sqrt(12.0)), ar, step, stated)
 
 
 def quantisation(values: Vector) -> float:
@@ -57,8 +71,96 @@ def quantisation(values: Vector) -> float:
     if len(levels) < 3:
         return 0.0
     apart = np.diff(levels)
-    step = float(apart[apart > 1e-12 * np.abs(levels).max()].min(initial=np.inf))
-    if not np.isfinite(step):
+    apart = apart[apart > 1.0e-9 * np.abs(levels).max()]
+    if len(apart) == 0:
         return 0.0
+    step = float(np.quantile(apart, 0.02))
+    step = float(np.median(apart[apart < 1.5 * step]))
     whole = np.round(apart / step)
-    return float(apart.sum() / whole.sum()) if np.abs(apart / step - whole).max() < 0.05 else 0.0
+    return float(apart.sum() / whole.sum()) if np.quantile(np.abs(apart / step - whole), 0.95) < 0.05 else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """What is known of a run's motion.
+
+    Attributes:
+        reversals: Rows near a change of direction of each joint, shape (m, n).
+        breaks: Rows before which time makes a jump, shape (m,).
+    """
+
+    reversals: Rows
+    breaks: Rows
+
+
+def _motion_of(run: Run) -> _Motion:
+    q = run.signals.get("q_cmd")
+    commanded = q is not None and bool(np.isfinite(q).all())
+    step = 1.0 / run.rate
+    if q is None or not commanded:
+        q = np.column_stack([_bridged(column, run.t) for column in run.signals["q"].T])
+        q = _smoothed(q, max(5, 2 * round(0.02 / step) + 1))
+    dq = np.gradient(q, run.t, axis=0)
+    moving = np.abs(dq) > 1.0e-3 * np.abs(dq).max(axis=0, initial=1e-300)
+    direction = np.where(moving, np.sign(dq), 0.0)
+    turns = np.vstack([np.zeros((1, run.n), dtype=bool), direction[1:] != direction[:-1]])
+    before, after = max(2, round(_BEFORE / step)), max(2, round(_AFTER / step))
+    reach = np.ones(before + after + 1)
+    reversals = np.column_stack([np.convolve(turn, reach)[before : before + len(turn)] > 0.5 for turn in turns.T])
+    gaps = np.concatenate([[False], np.diff(run.t) > 2.5 * step])
+    return _Motion(reversals, gaps)
+
+
+def _channel(run: Run, values: Vector, known: _Motion, joint: int | None) -> tuple[float, Vector, float]:
+    """(variance, autoregression, quantisation step) of one channel (m,)."""
+    nothing = (0.0, np.zeros(0), 0.0)
+    finite = np.isfinite(values)
+    if finite.sum() < LENGTHS[-1] // 2:
+        return nothing
+    step = quantisation(values)
+    turned = known.reversals.any(axis=1) if joint is None else known.reversals[:, joint]
+    # a motion that turns all the time leaves what it leaves
+    avoided = ~finite | (turned if turned.mean() < 0.7 else np.zeros_like(turned))
+    length, starts = _clean(avoided, known.breaks)
+    if len(starts) < 3:
+        length, starts = _clean(~finite, known.breaks)
+    if len(starts) < 3:
+        return step**2 / 12.0, nothing[1], step
+    noise = coloured(np.array([values[k : k + length] for k in starts]), step**2 / 12.0)
+    return max(noise.variance, step**2 / 12.0), noise.ar, step
+
+
+def _clean(avoided: Rows, breaks: Rows) -> tuple[int, list[int]]:
+    """The longest length of which there are enough clean stretches, and where they start."""
+    starts: list[int] = []
+    for length in LENGTHS:
+        starts = _stretches(avoided, breaks, length)
+        if len(starts) >= 6 and len(starts) * length > 0.4 * (~avoided).sum():
+            return length, starts
+    return LENGTHS[-1], starts
+
+
+def _stretches(avoided: Rows, breaks: Rows, length: int) -> list[int]:
+    """First rows of stretches of a length that hold no row to avoid, and no jump of time inside.
+
+    They fill what is between from its end on: what a reversal stirs up has time to die away.
+    """
+    # a jump of time is between two rows: the second may be the first of a stretch
+    ends = np.flatnonzero(np.concatenate([avoided | breaks, [True]]))
+    starts: list[int] = []
+    first = 0
+    for end in ends.tolist():
+        starts += range(end - length, first - 1, -length)
+        first = end if end < len(avoided) and not avoided[end] else end + 1
+    return sorted(starts)
+
+
+def _bridged(values: Vector, t: Vector) -> Vector:
+    finite = np.isfinite(values)
+    return np.interp(t, t[finite], values[finite]) if finite.any() else np.zeros_like(values)
+
+
+def _smoothed(q: Vector, window: int) -> Vector:
+    # SciPy's annotations leave its own types open
+    smooth: Any = import_module("scipy.signal").savgol_filter
+    return np.asarray(smooth(q, min(window, len(q) - (1 - len(q) % 2)), 3, axis=0), dtype=np.float64)

@@ -1,0 +1,168 @@
+"""Noise under a motion: its size, colour and quantisation, from records whose noise is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+
+from mbexport.core.control import Control
+from mbexport.core.recording import Run, noise_of
+
+RATE = 1000.0
+SIGMA = {"q": 2.0e-5, "tau": 0.5}
+SEEDS = range(3)
+
+
+def swing(t, random):
+    return sum(random.normal() / k * np.sin(0.4 * np.pi * k * t + random.uniform(0.0, 6.0)) for k in range(1, 6))
+
+
+def triangle(t, random):
+    """Constant speed with sharp reversals."""
+    period, width = random.uniform(0.8, 2.5), 30
+    sign = np.where((t / period) % 1.0 < 0.5, 1.0, -1.0)
+    blended = np.convolve(np.pad(sign, width, mode="edge"), np.ones(2 * width + 1) / (2 * width + 1), "valid")
+    return np.cumsum(1.5 * blended) / RATE
+
+
+def point_to_point(t, random):
+    q, last = [], 0.0
+    while sum(map(len, q)) < len(t):
+        s = np.linspace(0.0, 1.0, int(random.uniform(0.4, 1.2) * RATE))
+        goal = random.uniform(-1.0, 1.0)
+        rest = np.full(int(random.uniform(0.0, 0.3) * RATE), goal)
+        q += [last + (goal - last) * (10 * s**3 - 15 * s**4 + 6 * s**5), rest]
+        last = goal
+    return np.concatenate(q)[: len(t)]
+
+
+def coloured(m, slope, random):
+    """AR(1) noise of variance 1."""
+    return lfilter([np.sqrt(1.0 - slope**2)], [1.0, -slope], random.normal(size=m + 500))[500:]
+
+
+def memory(ar):
+    """Correlation of an autoregression with itself a sample later."""
+    x = lfilter([1.0], np.concatenate([[1.0], -ar]), np.concatenate([[1.0], np.zeros(5000)]))
+    return (x[1:] @ x[:-1]) / (x @ x)
+
+
+def recorded(motion, slope=0.0, step=0.0, seed=0, duration=8.0):
+    """A run of two joints whose friction jumps at reversals, with noise; `step` in sigmas."""
+    random = np.random.default_rng(seed)
+    t = np.arange(int(duration * RATE)) / RATE
+    signals = {"q_cmd": [], "q": [], "tau": []}
+    for _ in range(2):
+        q = motion(t, random)
+        dq = np.gradient(q, t)
+        tau = 5.0 * np.gradient(dq, t) + 30.0 * np.cos(q) + 12.0 * np.tanh(dq / 1e-3) + 8.0 * dq
+        signals["q_cmd"].append(q)
+        for name, value in (("q", lfilter([0.05], [1.0, -0.95], q - q[0]) + q[0]), ("tau", tau)):
+            noisy = value + SIGMA[name] * coloured(len(t), slope, random)
+            size = step * SIGMA[name]
+            signals[name].append(np.round(noisy / size) * size if size else noisy)
+    return run_of(t, {name: np.column_stack(values) for name, values in signals.items()})
+
+
+def run_of(t, signals, noise=None):
+    return Run("run", t, signals, Control("pd"), noise or {}, (), {}, "", (), RATE)
+
+
+@pytest.mark.parametrize("motion", [swing, triangle, point_to_point])
+@pytest.mark.parametrize("step", [0.0, 1.0])
+def test_white_noise_within_a_tenth(motion, step):
+    runs = [recorded(motion, step=step, seed=seed) for seed in SEEDS]
+    for name, sigma in SIGMA.items():
+        found = [noise_of(run, name) for run in runs]
+        sizes = np.concatenate([noise.sigma for noise in found]) / sigma / np.sqrt(1.0 + step**2 / 12.0)
+        for noise in found:
+            assert noise.step == pytest.approx(step * sigma, rel=1e-6)
+            assert not noise.stated
+        assert np.median(sizes) == pytest.approx(1.0, abs=0.03)
+        assert np.quantile(np.abs(sizes - 1.0), 0.8) < 0.1
+
+
+@pytest.mark.parametrize("motion", [swing, triangle, point_to_point])
+@pytest.mark.parametrize("step", [0.0, 0.5])
+def test_slow_noise_within_a_fifth(motion, step):
+    runs = [recorded(motion, 0.95, step, seed) for seed in SEEDS]
+    for name, sigma in SIGMA.items():
+        found = [noise_of(run, name) for run in runs]
+        sizes = np.concatenate([noise.sigma for noise in found]) / sigma / np.sqrt(1.0 + step**2 / 12.0)
+        assert np.median(sizes) == pytest.approx(1.0, abs=0.2)
+        if step == 0.0:
+            assert np.median([memory(noise.ar[0]) for noise in found]) == pytest.approx(0.95, abs=0.04)
+
+
+def test_the_colour_whitens():
+    """What the model predicts is taken out: the innovations of a resting sensor have no memory."""
+    random = np.random.default_rng(3)
+    t = np.arange(8000) / RATE
+    x = lfilter([1.0], [1.0, -0.6, -0.2], random.normal(size=8000))
+    run = run_of(t, {"q": np.column_stack([x, random.normal(size=8000)])})
+    noise = noise_of(run, "q")
+    innovations = lfilter(np.concatenate([[1.0], -noise.ar[0]]), [1.0], x)[50:]
+    left = [np.corrcoef(innovations[:-k], innovations[k:])[0, 1] for k in range(1, 6)]
+    assert np.abs(left).max() < 0.05
+    assert noise.sigma[0] == pytest.approx(x.std(), rel=0.1)
+    assert not noise.ar[1].any()
+
+
+def test_a_stated_sigma_is_kept_and_its_colour_estimated():
+    run = recorded(swing, 0.95)
+    stated = run_of(run.t, run.signals, {"tau": np.array([0.7, 0.8])})
+    noise = noise_of(stated, "tau")
+    assert noise.stated
+    assert noise.sigma.tolist() == [0.7, 0.8]
+    assert noise.ar[0, 0] > 0.8
+    coarse = run_of(
+        run.t, {**run.signals, "tau": np.round(run.signals["tau"] / 6.0) * 6.0}, {"tau": np.array([0.7] * 2)}
+    )
+    assert noise_of(coarse, "tau").sigma == pytest.approx([6.0 / np.sqrt(12.0)] * 2)
+
+
+def test_a_resting_coarse_sensor_has_its_steps_noise():
+    t = np.arange(4000) / RATE
+    q = np.round(np.column_stack([0.3 * np.sin(2 * t) * (t < 1.0), np.sin(t)]) / 1e-3) * 1e-3
+    noise = noise_of(run_of(t, {"q": q}), "q")
+    assert noise.step == pytest.approx(1e-3, rel=1e-6)
+    assert (noise.sigma >= 1e-3 / np.sqrt(12.0)).all()
+    assert (noise.sigma < 1.5e-3 / np.sqrt(12.0)).all()
+
+
+def test_without_noise_there_is_next_to_none():
+    run = recorded(swing)
+    smooth = run_of(run.t, {"q_cmd": run.signals["q_cmd"], "q": run.signals["q_cmd"]})
+    assert (noise_of(smooth, "q").sigma < 1e-7).all()
+
+
+def test_lost_samples_and_missing_channels_do_not_matter():
+    run = recorded(swing)
+    tau = run.signals["tau"].copy()
+    tau[1000:1500, 0] = np.nan
+    tau[::777, 0] = np.nan
+    tau[:, 1] = np.nan
+    noise = noise_of(run_of(run.t, {**run.signals, "tau": tau}), "tau")
+    assert noise.sigma[0] == pytest.approx(0.5, rel=0.1)
+    assert noise.sigma[1] == 0.0
+
+
+def test_noise_of_the_tool():
+    random = np.random.default_rng(0)
+    t = np.arange(6000) / RATE
+    turn = Rotation.from_rotvec(random.normal(size=(6000, 3)) * 1e-3) * Rotation.from_rotvec(
+        np.column_stack([np.sin(t), 0.0 * t, np.cos(t)])
+    )
+    ee = np.column_stack([np.sin(t), np.cos(t), 0.0 * t]) + random.normal(size=(6000, 3)) * [1e-5, 2e-5, 3e-5]
+    signals = {"q": np.sin(t)[:, None], "ee": ee, "ee_rot": np.roll(turn.as_quat(), 1, axis=1)}
+    run = run_of(t, signals)
+    assert noise_of(run, "ee").sigma == pytest.approx([1e-5, 2e-5, 3e-5], rel=0.1)
+    assert noise_of(run, "ee_rot").sigma == pytest.approx([1e-3], rel=0.1)
+
+
+def test_a_short_run_is_no_error():
+    t = np.arange(40) / RATE
+    noise = noise_of(run_of(t, {"q": np.sin(t)[:, None]}), "q")
+    assert noise.sigma.shape == (1,)
