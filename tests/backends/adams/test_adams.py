@@ -542,10 +542,12 @@ def test_same_bytes_short_lines_and_plain_characters(name):
 )
 def test_names_are_safe_in_view(name, safe):
     assert adams_name(name) == safe
-    robot = replace(robot_of("pendulum", "rigid"), name=name)
-    emission = emit(robot, AdamsBackend())
-    assert emission.main == f"{safe}.cmd"
-    assert f"model_name = {safe}\n" in emission.files[emission.main]
+
+
+def test_a_hyphen_in_a_name_is_none_in_view():
+    emission = emit(replace(robot_of("pendulum", "rigid"), name="my-robot"), AdamsBackend())
+    assert emission.main == "my_robot.cmd"
+    assert "model_name = my_robot\n" in emission.files[emission.main]
 
 
 @pytest.mark.parametrize("seed", range(4))
