@@ -23,7 +23,7 @@ from .resimulate import WINDOW, settled, smoothed
 Vector = NDArray[np.float64]
 
 # how well a standard deviation is known: as its log states it, and as it is estimated [relative]
-STATED, ESTIMATED = 0.03, 0.06
+STATED, ESTIMATED = 0.03, 0.2
 # what two good integrators may differ by, as a part of the signal
 NUMERICAL = 1.0e-6
 # instants at which tolerances are followed [Hz]
@@ -31,7 +31,11 @@ TOLERANCE_RATE = 100.0
 # draws of sensor noise that are sent through filters
 DRAWS = 6
 # a controller sees its sensor's noise where so much of the torque's high band is that of its feedback
-SEEN = 0.5
+SEEN = 0.3
+# a torque that scatters by so much more than its log states has seen a loop
+BEYOND = 1.1
+# how often and for how long a loop is driven by noise [s]
+LOOPS, LOOP_TIME = 3, 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +91,8 @@ def _mean(values: Vector) -> Vector:
 
 def _participation(changes: Vector) -> float:
     """How many independent draws of equal size scatter like a sum of changes (p, k), each of random size."""
-    gram = changes @ changes.T
+    thin = np.ascontiguousarray(changes[:, ::4])
+    gram = thin @ thin.T
     total = float(np.trace(gram))
     return total * total / float(np.sum(np.square(gram))) if total > 0.0 else 1.0
 
@@ -104,8 +109,8 @@ def _sensor(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector
         size = 3 if name.startswith("ee") else run.n
         sigma[name] = noise.sigma * np.ones(size)
         samples[name] = _independent(noise, int(np.isfinite(run.signals[name]).any(axis=1).sum())) * np.ones(size)
-    if mode == "pd" and "tau" in sigma:
-        sigma["tau"] = np.hypot(sigma["tau"], _fed_back(run))
+    if mode == "pd":
+        _add_loop(robot, run, sigma)
     if mode == "torque":
         _add_start(robot, run, sigma, samples)
     return sigma, samples
@@ -144,30 +149,70 @@ def _drawn(run: Run, noise: ChannelNoise, seed: int) -> Vector:
     return out
 
 
-def _fed_back(run: Run) -> Vector:
-    """Noise of the torque [N m or N] that a controller makes of its sensor's, where the record shows it, shape (n,)."""
-    control = run.control
-    q, tau = run.signals["q"], run.signals["tau"]
-    noise = noise_in(run, "q")
-    out = np.zeros(run.n)
-    for i in range(run.n):
-        if i >= len(control.kp):
-            break
-        if run.has("dq"):
-            back = -control.kp[i] * q[:, i] - control.kd[i] * run.signals["dq"][:, i]
-        else:
-            back = -control.kp[i] * q[:, i]
-        x, y = (np.diff(values, 4) for values in (back, tau[:, i]))
-        good = np.isfinite(x) & np.isfinite(y)
-        if good.sum() < 100:
-            continue
-        x, y = x[good] - np.mean(x[good]), y[good] - np.mean(y[good])
-        power = float(x @ x)
-        if power > 0.0 and float(x @ y) / power > SEEN:
-            out[i] = float(x @ y) / power * control.kp[i] * float(noise.sigma[i])
-            if run.has("dq"):
-                out[i] = np.hypot(out[i], control.kd[i] * float(noise_in(run, "dq").sigma[i]))
-    return out
+def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
+    """Mode pd: what a controller makes of its sensors' noise, as torque and as motion, into sigma.
+
+    A log may state what its sensors scatter by, but not whether the controller saw that. The torque's scatter in the
+    record bounds it: speed that is not recorded is taken to scatter by what is left there.
+    """
+    q, control = noise_in(run, "q"), run.control
+    kp, kd = np.array(control.kp), np.array(control.kd)
+    if not len(kp) or _blind(run, kp, kd):
+        return
+    if run.has("tau") and "tau" in run.noise:
+        seen = noise_in(replace(run, noise={}), "tau").sigma
+        more = seen > BEYOND * sigma["tau"]
+        excess = np.sqrt(np.where(more, seen**2 - sigma["tau"] ** 2, 0.0))
+    else:
+        # an estimated torque's scatter has the loop's in it, and bounds nothing more
+        excess = np.full(run.n, np.inf)
+    if run.has("dq"):
+        speed = noise_in(run, "dq")
+    elif run.has("tau") and "tau" in run.noise:
+        left = np.sqrt(np.maximum(excess**2 - (kp * q.sigma) ** 2, 0.0))
+        scatter = np.divide(left, kd, out=np.zeros(run.n), where=kd > 0.0)
+        speed = ChannelNoise(scatter, np.zeros((run.n, 1)), np.zeros(run.n), stated=False)
+    else:
+        return
+    grid = smoothed(run)
+    draws = [(_drawn(run, q, 11 + k), _drawn(run, speed, 51 + k)) for k in range(LOOPS)]
+    count = min(len(run.t), int(LOOP_TIME * run.rate))
+    at = np.clip(np.round(run.t[:count] / grid.h).astype(np.int64), 0, len(grid.t) - 1)
+    rotor = np.diag([0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
+    mass = dynamics(robot, always_compiled=True).mass_matrix(grid.q[at]) + rotor
+    torque = np.array([kp * one[:count] + kd * other[:count] for one, other in draws])
+    way, rate = _giving_way(mass, kp, kd, torque, 1.0 / run.rate, 0)
+    # what came before the first instant is not followed: its settling is left out
+    half = slice(count // 4, None)
+    shaken, hurried = (np.std(values[:, half], axis=(0, 1)) for values in (way, rate))
+    reported = np.std((torque + kp * way + kd * rate)[:, half], axis=(0, 1))
+    # nothing shakes the robot more than the torque's own scatter tells
+    true = np.minimum(1.0, excess / np.maximum(reported, 1e-300))
+    jacobian = kinematics(robot).jacobian(grid.q[:: max(1, len(grid.t) // 50)])
+    added = {"q": shaken, "q_link": shaken, "dq": hurried}
+    added |= {"tau": reported} if "tau" in run.noise else {}
+    added = {name: values * true for name, values in added.items()}
+    for name, rows in (("ee", jacobian[:, :3]), ("ee_rot", jacobian[:, 3:])):
+        added[name] = np.sqrt(np.mean(np.sum(np.square(rows * (shaken * true)), axis=2), axis=0))
+    for name in (name for name in sigma if name in added):
+        sigma[name] = np.hypot(sigma[name], added[name])
+
+
+def _blind(run: Run, kp: Vector, kd: Vector) -> bool:
+    """The record shows that the controller's torque does not follow the noise of the recorded positions and speeds.
+
+    Only where speeds are recorded and nothing is rounded: there the high bands of both would be one.
+    """
+    if not (run.has("dq") and run.has("tau")):
+        return False
+    if any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau")):
+        return False
+    back = -kp * run.signals["q"] - kd * run.signals["dq"]
+    x, y = (np.diff(values, 4, axis=0) for values in (back, run.signals["tau"]))
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = np.where(good, x, 0.0), np.where(good, y, 0.0)
+    slope = np.sum(x * y, axis=0) / np.maximum(np.sum(x * x, axis=0), 1e-300)
+    return bool(np.median(slope) < SEEN)
 
 
 def _through_inverse_dynamics(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:

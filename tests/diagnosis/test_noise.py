@@ -28,6 +28,15 @@ def test_sensors_alone_where_nothing_is_off():
     assert floor.sigma["tau"] == pytest.approx([NOISE["tau"]], rel=1e-3)
 
 
+def test_a_controller_that_sees_its_sensors_noise_makes_torque_of_it():
+    run = pendulum_run("pd")
+    scatter = 0.05 * np.random.default_rng(8).normal(size=run.signals["tau"].shape)
+    shaken = replace(run, signals={**run.signals, "tau": run.signals["tau"] + scatter})
+    # stated is what the sensor adds, recorded is five times as much
+    floor = noise_floor(DATABASE, "rigid", shaken).sigma["tau"][0]
+    assert floor == pytest.approx(np.hypot(0.05, NOISE["tau"]), rel=0.3)
+
+
 def test_a_mass_that_is_a_percent_off_weighs_a_percent_of_the_weight():
     run = pendulum_run("motion")
     loose = replace(DATABASE, tolerance=Tolerance(mass=0.01))
