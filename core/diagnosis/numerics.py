@@ -103,7 +103,8 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
         rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))
         for i in range(simulated[name].shape[1]):
             good = np.isfinite(left[name][:, i])
-            rate = rates[good, i] - float(np.mean(rates[good, i])) if good.any() else rates[:0, i]
+            kept: Vector = rates[good, i]
+            rate: Vector = kept - (float(kept.mean()) if good.any() else 0.0)
             power = float(np.sum(rate**2))
             error = float(sigma[name][i]) / np.sqrt(power) if power > 0.0 else np.inf
             # a channel that could not tell a tenth of a sample has no say

@@ -72,7 +72,7 @@ def band_of(run: Run) -> float:
         good = np.isfinite(q[:, i])
         if good.sum() < 16:
             continue
-        values: Vector = np.interp(grid, run.t[good], q[good, i])
+        values: Vector = np.asarray(np.interp(grid, run.t[good], q[good, i]), dtype=float)
         f, density = signal.welch(values, fs=run.rate, nperseg=length, detrend="linear")
         level = max(2.0 * float(noise.sigma[i]) ** 2 / run.rate, 1e-30)
         above = f[density > ABOVE_NOISE * level]
