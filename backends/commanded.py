@@ -59,7 +59,7 @@ def commanded(robot: Robot, program: Program) -> Commanded:
         start, zeros = imposed_start(robot, arms, followed), np.zeros(n)
         return Commanded(followed, start, zeros, zeros, limits, zeros, program.motion, "none", arms)
     controller = Controller(robot, robot, control, program.motion, program.duration)
-    start = controlled_start(robot, arms, followed, control, controller)
+    start = controlled_start(robot, arms, followed, controller)
     controller.tick(0, start.theta + offsets, start.dtheta)
     limit = np.minimum(limits, control.torque_limit or np.inf)
     feedforward = control.feedforward if control.mode == "pd" else "none"

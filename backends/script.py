@@ -188,5 +188,5 @@ def _start(robot: Robot, program: Program) -> dict[str, list[float]]:
         state = imposed_start(robot, dynamics(robot), followed)
     else:
         controller = Controller(robot, robot, program.control, program.motion, program.duration)
-        state = controlled_start(robot, dynamics(robot), followed, program.control, controller)
+        state = controlled_start(robot, dynamics(robot), followed, controller)
     return {name: getattr(state, name).tolist() for name in ("q", "dq", "theta", "dtheta")}

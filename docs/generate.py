@@ -171,7 +171,7 @@ def verbs() -> str:
             with click.Context(command, parent=context, info_name=name) as inner:
                 usage = " ".join(command.get_usage(inner).removeprefix("Usage: ").split())
                 rows = [_option(parameter, inner) for parameter in command.get_params(inner)]
-                example = (command.epilog or "").replace("\b", "").replace("Example:", "").strip("\n ")
+                example = re.sub("\b|Examples?:", "", command.epilog or "").strip("\n ")
             part = [f"### mbexport {name}", "", sentences(command.help), "", f"    {usage}", ""]
             part.append(table(["option", "what it does"], [row for row in rows if row]))
             part += ["```sh", *(line.strip() for line in example.splitlines()), "```", ""]

@@ -17,8 +17,14 @@ from .common import (
     print_json,
 )
 
+EXAMPLE = """\b
+Examples:
+  mbexport simulate imece2013 --backend mjcf --motion greca -o run-01
+  mbexport simulate planar2r --backend mjcf --motion greca --controller pd.fmu -o run-02
+"""
 
-@click.command("simulate", epilog="\b\nExample:\n  mbexport simulate imece2013 --backend mjcf --motion greca -o run-01")
+
+@click.command("simulate", epilog=EXAMPLE)
 @click.argument("robot", default="imece2013")
 @click.option("--backend", required=True, metavar="NAME", help="urdf (Pinocchio), mjcf (MuJoCo), exudyn, pybullet.")
 @click.option(
@@ -27,6 +33,15 @@ from .common import (
 @level_options
 @click.option(
     "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
+)
+@click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    metavar="FILE.fmu",
+    help="A controller of others, a co-simulation unit of FMI 2.0; its native code is executed.",
+)
+@click.option(
+    "--signals", type=click.Path(path_type=Path), help="What the controller's variables mean, where their names do not."
 )
 @click.option("--duration", type=float, metavar="S", help="How long [s] (default: the motion's).")
 @click.option("--rate", type=float, default=1000.0, show_default=True, metavar="HZ", help="Rate of the record.")
@@ -43,6 +58,8 @@ def command(
     with_: str | None,
     with_effects: Path | None,
     control: Path | None,
+    controller: Path | None,
+    signals: Path | None,
     duration: float | None,
     rate: float,
     noise: bool,
@@ -52,7 +69,7 @@ def command(
     as_json: bool,
 ) -> None:
     """Run a robot in one engine and write the run: what a simulated robot records."""
-    from ..control import Control, read_control, read_locked, read_noise, read_payload
+    from ..control import read_control, read_locked, read_noise, read_payload, read_signals, read_unit
     from ..effects import EffectRow, effect_named
     from ..errors import RefusedError, UsageError
     from ..motion import motion_named
@@ -61,7 +78,10 @@ def command(
     database = load_database(robot, with_effects)
     built = build_robot(database, level, with_)
     law = motion_named(built, motion, database=database)
-    rules = read_control(control, built.n) if control else Control()
+    rules = read_control(control, built.n) if control else None
+    if signals and not controller:
+        raise UsageError("--signals says what the variables of --controller mean; give one.")
+    unit = read_unit(controller, built.n, read_signals(signals) if signals else None) if controller else None
     hanging = read_payload(control) if control else {}
     if hanging:
         built = effect_named("payload").apply(built, (EffectRow(0, hanging),))
@@ -69,7 +89,7 @@ def command(
         raise RefusedError(f"{control}: locked joints cannot be simulated; leave `locked` out to run the robot free.")
     if noise and control is None:
         raise UsageError("--noise takes its sizes from the log.yaml of --control; give one.")
-    trace = simulate(built, backend, law, rules, duration=duration, rate=rate, progress=on_terminal())
+    trace = simulate(built, backend, law, rules, duration=duration, rate=rate, unit=unit, progress=on_terminal())
     if noise and control is not None:
         trace = trace.with_noise(read_noise(control, built.n), seed)
     if hanging:

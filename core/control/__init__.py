@@ -4,15 +4,23 @@ from .control import Control, read_control, read_locked, read_noise, read_payloa
 from .controller import Controller
 from .gains import default_pd
 from .log_file import LogFile, read_log
+from .unit_controller import UnitController
+from .unit_file import ControllerUnit, read_unit
+from .unit_signals import Signals, read_signals
 
 __all__ = [
     "Control",
     "Controller",
+    "ControllerUnit",
     "LogFile",
+    "Signals",
+    "UnitController",
     "default_pd",
     "read_control",
     "read_locked",
     "read_log",
     "read_noise",
     "read_payload",
+    "read_signals",
+    "read_unit",
 ]

@@ -80,16 +80,21 @@ class Controller:
 
     def tick(self, k: int, q: Vector, dq: Vector) -> None:
         """Tick k sees the motors' reported position and their speed, shapes (n,)."""
-        tau, part = self._torques[k], self._part
-        np.subtract(self._q_cmd[k], q, out=part)
-        np.multiply(self.kp, part, out=tau)
-        np.subtract(self._dq_cmd[k], dq, out=part)
-        np.multiply(self.kd, part, out=part)
-        np.add(tau, part, out=tau)
-        np.add(tau, self._feedforward[k], out=tau)
+        tau = self._torques[k]
+        self.torque(k, q, dq, tau)
         if self._limited:
             np.minimum(tau, self._highest, out=tau)
             np.maximum(tau, self._lowest, out=tau)
+
+    def torque(self, k: int, q: Vector, dq: Vector, out: Vector) -> None:
+        """The law: torque of tick k before any limit, into `out`, all shapes (n,)."""
+        part = self._part
+        np.subtract(self._q_cmd[k], q, out=part)
+        np.multiply(self.kp, part, out=out)
+        np.subtract(self._dq_cmd[k], dq, out=part)
+        np.multiply(self.kd, part, out=part)
+        np.add(out, part, out=out)
+        np.add(out, self._feedforward[k], out=out)
 
     def held(self, k: int) -> Vector:
         """Torque of tick k, as it acts from switch_times[k] on, shape (n,)."""

@@ -23,7 +23,7 @@ from .step import choose_step, poses_of
 from .trace import Trace
 
 if TYPE_CHECKING:
-    from ..control import Control, Controller
+    from ..control import Control, Controller, ControllerUnit, UnitController
     from ..motion import MotionLaw
 
 DEFAULT_RATE = 1000.0
@@ -44,6 +44,7 @@ def simulate(
     step: float | None = None,
     start: MachineState | None = None,
     torque: Vector | None = None,
+    unit: ControllerUnit | None = None,
     nominal: Robot | None = None,
     progress: bool = False,
 ) -> Trace:
@@ -59,6 +60,8 @@ def simulate(
         step: Integration step [s]; None: chosen from the largest eigenvalue.
         start: State at t = 0; None: settled (log.md).
         torque: Mode torque: commanded torque at each tick of the controller [N m or N], shape (ticks, n).
+        unit: Controller of others, a unit of FMI 2.0, whose native code runs in this process; `control`, where it is
+            given, is of mode torque and says rate and limit.
         nominal: Robot whose rigid bodies the feedforward uses; None: this one.
         progress: Show a progress bar on standard error.
 
@@ -66,14 +69,14 @@ def simulate(
         RefusedError: The backend refuses this robot, or the step is unstable.
         UsageError: Options that do not fit together.
     """
-    from ..control import Control, Controller
+    from ..control import Control, Controller, UnitController
     from ..motion import motion_named
 
     engine_backend = backend_named(backend) if isinstance(backend, str) else backend
     law = motion_named(robot, motion) if isinstance(motion, str) else motion
-    rules = control or Control()
+    rules = control or (unit.control() if unit else Control())
     length = law.duration if duration is None else duration
-    _check(robot, law, rules, length, rate, torque)
+    _check(robot, law, rules, length, rate, torque, unit)
     imposed = rules.mode == "motion"
     whole = expanded(robot, imposed=imposed)
     # the torques of a run come from the controller here; the engine's program only has to fit the robot
@@ -83,6 +86,7 @@ def simulate(
     h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=whole.spread(poses_of(robot, law)), step=step)
     program = whole_program(whole, replace(plan, step=h))
     engine = engine_backend.engine_for(whole.robot, program)
+    outside: UnitController | None = None
     try:
         times = _record_times(length, rate)
         # the drives follow what the encoders report
@@ -95,14 +99,21 @@ def simulate(
                 begin = start or imposed_start(whole.robot, engine, followed)
                 record = _elastic(whole.robot, engine, followed, times, h, begin, tell)
             else:
-                controller = Controller(nominal or robot, robot, rules, law, length, torque)
+                if unit:
+                    controller = outside = UnitController(unit, robot, rules, law, length)
+                else:
+                    controller = Controller(nominal or robot, robot, rules, law, length, torque)
                 spread = _SpreadController(controller, whole) if whole.passive else controller
-                begin = start or controlled_start(whole.robot, engine, followed, rules, spread)
+                begin = start or controlled_start(whole.robot, engine, followed, spread)
                 record = _controlled(whole.robot, engine, spread, times, h, begin, tell)
         tool = engine.tools_in_base(record.q)
         record.keep(whole.driven)
-        return _trace(robot, engine_backend, law, rules, times, record, tool, h, length, torque)
+        asked = outside.asked() if outside else torque
+        trace = _trace(robot, engine_backend, law, rules, times, record, tool, h, length, asked)
+        return _told_of(trace, unit, outside, law) if unit and outside else trace
     finally:
+        if outside:
+            outside.close()
         engine.close()
 
 
@@ -125,7 +136,23 @@ class _SpreadController:
         return self._whole.spread(self._controller.held(k))
 
 
-def _check(robot: Robot, law: MotionLaw, control: Control, duration: float, rate: float, torque: Vector | None) -> None:
+def _told_of(trace: Trace, unit: ControllerUnit, controller: UnitController, law: MotionLaw) -> Trace:
+    """A run under a unit: its command beside the torque that it asked for, and what the unit is."""
+    q_cmd, dq_cmd, ddq_cmd = law.at(trace.t)
+    start = "in equilibrium under the controller" if controller.settles else "at rest at the command"
+    joints = {"q_cmd": q_cmd, "dq_cmd": dq_cmd, "ddq_cmd": ddq_cmd, **trace.joints}
+    return replace(trace, joints=joints, facts={**trace.facts, "controller": {**unit.facts(), "start": start}})
+
+
+def _check(
+    robot: Robot,
+    law: MotionLaw,
+    control: Control,
+    duration: float,
+    rate: float,
+    torque: Vector | None,
+    unit: ControllerUnit | None,
+) -> None:
     if law.n != robot.n:
         raise UsageError(f"the motion has {law.n} joints, {robot.name} has {robot.n}.")
     if not duration > 0.0:
@@ -134,8 +161,25 @@ def _check(robot: Robot, law: MotionLaw, control: Control, duration: float, rate
         raise UsageError(f"rate {rate!r} Hz: it must be above 0.")
     if control.mode == "unknown":
         raise UsageError("control mode unknown cannot be simulated; use motion, pd or torque.")
-    if (control.mode == "torque") != (torque is not None):
-        raise UsageError("control mode torque and a commanded torque go together.")
+    if unit is not None:
+        _check_unit(robot, control, torque, unit)
+    elif (control.mode == "torque") != (torque is not None):
+        raise UsageError("control mode torque and a commanded torque, or a controller's unit, go together.")
+
+
+def _check_unit(robot: Robot, control: Control, torque: Vector | None, unit: ControllerUnit) -> None:
+    if torque is not None or control.mode != "torque":
+        raise UsageError(
+            f"{unit.path.name} is the controller, and the control part says mode {control.mode}: leave it out, or "
+            "let it be of mode torque, with the rate and the torque_limit that shall hold."
+        )
+    if len(unit.torques) != robot.n:
+        raise UsageError(f"{unit.path.name} gives {len(unit.torques)} torques, {robot.name} has {robot.n} joints.")
+    if {*robot.kp_factor, *robot.kd_factor} - {1.0}:
+        raise RefusedError(
+            f"{robot.name}: controller_gain scales the gains of a PD, which {unit.path.name} does not show; leave the "
+            "effect out."
+        )
 
 
 @dataclass(slots=True)

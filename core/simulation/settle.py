@@ -15,7 +15,6 @@ from .backend import MachineState, Vector
 from .compiled import law_function
 
 if TYPE_CHECKING:
-    from ..control import Control
     from ..motion import MotionLaw
 
 Mask = NDArray[np.bool_]
@@ -56,15 +55,13 @@ def imposed_start(robot: Robot, engine: Weighed, law: MotionLaw) -> MachineState
     return MachineState(0.0, q, dtheta * (1.0 + np.array(wobble)), theta, dtheta)
 
 
-def controlled_start(
-    robot: Robot, engine: Weighed, law: MotionLaw, control: Control, controller: Gains
-) -> MachineState:
+def controlled_start(robot: Robot, engine: Weighed, law: MotionLaw, controller: Gains) -> MachineState:
     """At rest in equilibrium under the controller; where there are no gains, at rest at the command."""
     command = law.at(np.zeros(1))[0][0]
     still = np.zeros(robot.n)
     kp = controller.kp
     passive = np.array([stage.drive.passive for stage in robot.stages])
-    if control.mode == "torque" or not np.all((kp > 0.0) | passive):
+    if not np.all((kp > 0.0) | passive):
         q = sagged(robot, engine, command)
         return MachineState(0.0, q, still, np.where(passive, q, command), still.copy())
     q, theta = settled(robot, engine, command, kp, controller.feedforward_at_start())

@@ -1,0 +1,126 @@
+"""A controller whose law is in a unit: at every tick it gets the signals, takes one communication step, and is held."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import UsageError
+from ..representation import Robot
+from .control import Control
+from .controller import Controller
+from .unit_file import ControllerUnit
+from .unit_instance import UnitInstance
+
+if TYPE_CHECKING:
+    from ..motion import MotionLaw
+
+Vector = NDArray[np.float64]
+
+# what its inputs are moved by, to see what gains it starts with [rad or m]
+PROBE = 1.0e-4
+# how far a law may be from linear, and one joint from another, to count as gains
+LINEAR = 1.0e-6
+
+
+class UnitController(Controller):
+    """The controller of a run, with a unit for its law.
+
+    Its gains at t = 0 are found by moving the positions that it sees while it is being initialized: where each torque
+    answers to its own joint alone, and against it, the run can start in equilibrium, as under the controller of ours.
+
+    Attributes:
+        settles: Its answer is that of gains; else the run starts at rest at the command.
+    """
+
+    def __init__(
+        self, unit: ControllerUnit, robot: Robot, control: Control, motion: MotionLaw, duration: float
+    ) -> None:
+        """Load the unit, which executes its code, and ask it for its gains.
+
+        Args:
+            unit: The controller.
+            robot: Whose delay and limits act.
+            control: Mode torque; its rate is that of the communication steps.
+            motion: The command.
+            duration: Of the run [s].
+
+        Raises:
+            RefusedError: The unit fails.
+            UsageError: The control part says another mode.
+        """
+        if control.mode != "torque":
+            raise UsageError(f"a controller's unit drives by torque; the control part says mode {control.mode}.")
+        super().__init__(robot, robot, control, motion, duration)
+        _, _, self._ddq_cmd = motion.at(self.tick_times)
+        self._unit = unit
+        self._interval = 1.0 / control.rate
+        self._instance: UnitInstance | None = None
+        self._last = -1
+        kp, self._start = self._gains()
+        self.settles = bool(kp.any())
+        self.kp = kp
+
+    def reset(self) -> None:
+        """Forget the last run: the next tick begins with a new instance."""
+        super().reset()
+        self.close()
+        self._last = -1
+
+    def feedforward_at_start(self) -> Vector:
+        """Torque that the unit gives where nothing is off at t = 0, shape (n,)."""
+        return self._start
+
+    def asked(self) -> Vector:
+        """Torque that was asked for at every tick, after its limits, shape (m, n)."""
+        return self._torques
+
+    def close(self) -> None:
+        """Give back the unit."""
+        if self._instance is not None:
+            self._instance.close()
+            self._instance = None
+
+    def torque(self, k: int, q: Vector, dq: Vector, out: Vector) -> None:
+        """As the contract says; the same tick again changes nothing, for a unit cannot go back."""
+        if k == self._last:
+            return
+        if self._instance is None:
+            self._instance = UnitInstance(self._unit)
+            self._feed(self._instance, k, q, dq)
+            self._instance.initialize()
+            self._instance.begin()
+        self._feed(self._instance, k, q, dq)
+        out[:] = self._instance.step(float(self.tick_times[k]), self._interval)
+        self._last = k
+
+    def _feed(self, instance: UnitInstance, k: int, q: Vector, dq: Vector) -> None:
+        values = {"q": q, "dq": dq, "q_cmd": self._q_cmd[k], "dq_cmd": self._dq_cmd[k], "ddq_cmd": self._ddq_cmd[k]}
+        for place, (_, port) in enumerate(self._unit.inputs):
+            instance.inputs[place] = values[port.signal][port.joint]
+
+    def _gains(self) -> tuple[Vector, Vector]:
+        """Gains on position, zeros where the unit has none such, and the torque where nothing is off, shapes (n,)."""
+        n = len(self._unit.torques)
+        instance = UnitInstance(self._unit)
+        try:
+            self._feed(instance, 0, self._q_cmd[0], self._dq_cmd[0])
+            instance.initialize()
+
+            def answer(shift: Vector) -> Vector:
+                self._feed(instance, 0, self._q_cmd[0] + shift, self._dq_cmd[0])
+                return instance.looked_at()
+
+            middle = answer(np.zeros(n))
+            above, below = (np.array([answer(sign * row) for row in PROBE * np.eye(n)]) for sign in (1.0, -1.0))
+        finally:
+            instance.close()
+        slope = -(above - below) / (2.0 * PROBE)
+        bend = np.abs(above + below - 2.0 * middle) / PROBE
+        kp = np.diag(slope).copy()
+        others = np.abs(slope - np.diag(kp))
+        if not (np.isfinite(slope).all() and (kp > 0.0).all() and max(others.max(), bend.max()) < LINEAR * kp.min()):
+            return np.zeros(n), np.zeros(n)
+        return kp, middle
