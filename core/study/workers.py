@@ -125,6 +125,15 @@ def _take(experiment: Experiment) -> None:
     _experiment = experiment
     # an interrupt is the first process's business: it lets the others finish what they run
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Where the first process was killed nobody takes results any more, and the pool would wait forever."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def _run_here(variant: int, values: Values) -> Outcome:
