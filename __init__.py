@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .core.build import build
     from .core.control import Control
     from .core.database import Database, load
+    from .core.diagnosis.named import diagnose
     from .core.effects import Column, Effect, EffectRow, Law, with_drive, with_stage
     from .core.errors import InputError, MbexportError, PluginError, RefusedError, UsageError
     from .core.export import export
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "agree": "core.agreement",
     "build": "core.build",
+    "diagnose": "core.diagnosis.named",
     "export": "core.export",
     "import_model": "core.importing",
     "load": "core.database",
@@ -94,6 +96,7 @@ __all__ = [
     "agree",
     "build",
     "concepts_of",
+    "diagnose",
     "export",
     "import_model",
     "load",

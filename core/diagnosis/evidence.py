@@ -67,6 +67,29 @@ class Evidence:
         raw = [self._raw(number, robot) for number, robot in enumerate(robots)]
         return np.concatenate([raw[c.run][c.signal][c.index] for c in self.channels]) * self.weights
 
+    def places(self, chosen: Sequence[int]) -> NDArray[np.int64]:
+        """Which coefficients belong to some of the runs."""
+        parts = [np.arange(c.first, c.last) for c in self.channels if c.run in chosen]
+        return np.concatenate(parts) if parts else np.zeros(0, dtype=np.int64)
+
+    def only(self, chosen: Sequence[int]) -> Evidence:
+        """The evidence of some of the runs, in their old order."""
+        kept = sorted(chosen)
+        channels: list[Channel] = []
+        place = 0
+        for c in self.channels:
+            if c.run in kept:
+                channels.append(Channel(kept.index(c.run), c.signal, c.index, place, place + c.last - c.first))
+                place += c.last - c.first
+        return Evidence(
+            tuple(self.runs[k] for k in kept),
+            tuple(self.nominals[k] for k in kept),
+            tuple(channels),
+            self.weights[self.places(kept)],
+            tuple(self.masks[k] for k in kept),
+            tuple(self.creeps[k] for k in kept),
+        )
+
     def _raw(self, number: int, robot: Robot) -> dict[str, list[Vector]]:
         run = self.runs[number]
         speech = said(robot, run, self.nominals[number], self.creeps[number])
@@ -139,15 +162,11 @@ def _creep(run: Prepared) -> Vector:
 
 
 def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str, Vector]:
-    """What counts: no edges, no holes, and no standing joint, whose friction is anywhere between its levels."""
+    """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
     stands = np.abs(run.dq) < creep
-    # crossing zero is no standing
-    span = max(3, int(0.05 / run.h))
-    long = np.empty_like(stands)
-    ndimage: Any = import_module("scipy.ndimage")
-    for i in range(stands.shape[1]):
-        long[:, i] = ndimage.binary_opening(stands[:, i], np.ones(span, dtype=bool))
+    # a joint that stands all the time still shows its load
+    unsure = stands & (stands.mean(axis=0) < 0.7)
     for name, series in values.items():
         mask = np.ones(series.shape)
         mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
@@ -162,9 +181,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
             if name == "u" and "tau" in run.missing:
                 mask[run.missing["tau"]] = 0.0
         if name == "tau" or (name == "u" and "tau" not in run.measured):
-            # a joint that stands all the time still shows its load
-            held = long & (long.mean(axis=0) < 0.7)
-            mask[held] = 0.0
+            mask[unsure] = 0.0
         masks[name] = mask
     return masks
 

@@ -51,7 +51,9 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
     moment = scaled.T @ r0
     x = -np.linalg.solve(gram, moment)
     least = lower / scale
-    if np.any(x < least):
+    if len(x) == 1:
+        x = np.maximum(x, least)
+    elif np.any(x < least):
         root = np.linalg.cholesky(gram).T
         target = -np.linalg.solve(root.T, moment)
         x = np.asarray(optimize.lsq_linear(root, target, bounds=(np.minimum(least, -1e-12), np.inf)).x)

@@ -116,9 +116,8 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
     )
 
 
-def hypotheses(problem: Problem, rows: Rows, skip: Sequence[tuple[str, int]] = ()) -> list[Hypothesis]:
-    """Everything that could be there beside these rows, but for what to skip."""
-    scales = scales_of(problem, rows)
+def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tuple[str, int]] = ()) -> list[Hypothesis]:
+    """Everything that could be there beside these rows, in amounts of these scales, but for what to skip."""
     found: list[Hypothesis] = []
     n = problem.database.n
     for name in catalogue():
@@ -387,12 +386,14 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     power = np.zeros(len(grid))
     size = 0.0
     for run, left in zip(problem.evidence.runs, scales.residual, strict=True):
-        r = left[:, i]
+        # as many samples as the band needs
+        every = max(1, int(1.0 / (8.0 * run.band * run.h)))
+        r = left[::every, i]
         if not np.any(r):
             continue
-        weight = run.dq[:, i] ** 2 if second else np.ones(len(r))
+        weight = run.dq[::every, i] ** 2 if second else np.ones(len(r))
         r = (r - r.mean()) * weight
-        angle = np.exp(1j * np.outer(grid, run.q[:, i]))
+        angle = np.exp(1j * np.outer(grid, run.q[::every, i]))
         power += np.abs(angle @ r) ** 2 / max(float(np.sum(weight**2)), 1e-30)
         size += float(np.sum(r * r))
     if size == 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import import_module
@@ -390,7 +390,7 @@ def significant(left: Mapping[str, Vector], noise: Noise) -> float:
     return significance([left], [noise])
 
 
-def significance(left: list[Mapping[str, Vector]], noises: list[Noise]) -> float:
+def significance(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> float:
     """`significant` over several runs: all of their channels are tested together."""
     from scipy.stats import chi2
 

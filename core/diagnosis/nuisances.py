@@ -43,6 +43,10 @@ class Whitening:
         less = (self.shrink - 1.0)[:, None] * along if along.ndim == 2 else (self.shrink - 1.0) * along
         return values + self.basis @ less
 
+    def only(self, places: NDArray[np.int64]) -> Whitening:
+        """The same nuisances, as some of the coefficients know them."""
+        return _whitening(self.names, self.columns[places])
+
     def amounts(self, values: Vector) -> dict[str, float]:
         """How many standard deviations of each nuisance a residual asks for."""
         if not len(self.names):
@@ -64,12 +68,13 @@ def whitening(problem: Problem) -> Whitening:
     for name, column in _shifts(problem):
         names.append(name)
         columns.append(column)
-    if not columns:
-        return Whitening(np.zeros((len(base), 0)), np.zeros(0), (), np.zeros((len(base), 0)))
-    matrix = np.column_stack(columns)
+    return _whitening(tuple(names), np.column_stack(columns) if columns else np.zeros((len(base), 0)))
+
+
+def _whitening(names: tuple[str, ...], matrix: Vector) -> Whitening:
     u, s, _ = np.linalg.svd(matrix, full_matrices=False)
     kept = s > 1e-3
-    return Whitening(u[:, kept], 1.0 / np.sqrt(1.0 + s[kept] ** 2), tuple(names), matrix)
+    return Whitening(u[:, kept], 1.0 / np.sqrt(1.0 + s[kept] ** 2), names, matrix)
 
 
 def _varied(problem: Problem, change: Callable[[Database], Database]) -> Vector:

@@ -57,6 +57,11 @@ class Problem:
             for robot, run, nominal, creep in zip(self.robots(rows), e.runs, e.nominals, e.creeps, strict=True)
         ]
 
+    def only(self, chosen: Sequence[int]) -> Problem:
+        """The same question put to some of the runs, in their old order."""
+        bodies = tuple(self.bodies[k] for k in sorted(chosen))
+        return replace(self, bodies=bodies, evidence=self.evidence.only(chosen))
+
     def row_at(self, effect: str, at: int, rows: Rows) -> EffectRow | None:
         """The row that stands for an effect at a place."""
         return next((row for row in merged(self.known, rows).get(effect, ()) if row.at == at), None)

@@ -23,6 +23,8 @@ Vector = NDArray[np.float64]
 # numbers that only a form of the effect has, or that no run shows
 _HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("stiffness", "damping")}
 _EVALUATIONS = 40
+# of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
+SLOWEST = 2.0
 _FAR = 1.0e3
 
 
@@ -70,7 +72,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     free = tuple((item.effect, item.at, name) for item in found for name in free_columns(item.effect, item.row))
     start = np.array([_row(found, effect, at).values[name] for effect, at, name in free])
     size = np.array([_size(_row(found, effect, at), effect, name) for effect, at, name in free])
-    bounds = [_bounds(effect, name) for effect, _, name in free]
+    bounds = [_bounds(problem, effect, at, name) for effect, at, name in free]
     low = np.array([b[0] for b in bounds]) / size
     high = np.array([b[1] for b in bounds]) / size
 
@@ -124,9 +126,12 @@ def _size(row: EffectRow, effect: str, name: str) -> float:
     return max(value, 0.1 * max(same, default=0.0), 1e-9)
 
 
-def _bounds(effect: str, name: str) -> tuple[float, float]:
+def _bounds(problem: Problem, effect: str, at: int, name: str) -> tuple[float, float]:
     column = next(c for c in effect_named(effect).columns if c.name == name)
     if column.name == "phase":
         return (-np.inf, np.inf)
-    low = column.minimum
-    return (max(low, 1e-12) if column.exclusive else low, column.maximum)
+    low = max(column.minimum, 1e-12) if column.exclusive else column.minimum
+    if (effect, name) == ("stribeck_friction", "velocity"):
+        # slower than that a joint counts as standing
+        low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))
+    return (low, column.maximum)

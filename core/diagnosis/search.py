@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from .fit import Linear, blocks, linear, spread
-from .hypotheses import STEP, Hypothesis, hypotheses, place_of
+from .hypotheses import STEP, Hypothesis, Scales, hypotheses, place_of, scales_of
 from .nuisances import Whitening
 from .problem import Problem, Rows, merged
 from .refine import refined
@@ -37,6 +37,7 @@ class Contender:
         explains: Part of the residual's energy above noise that it takes.
         beta: Its numbers.
         left: What it leaves, in units of noise.
+        shows: By how many standard deviations of everything together a plain amount of it changes what is said.
     """
 
     hypothesis: Hypothesis
@@ -44,6 +45,7 @@ class Contender:
     explains: float
     beta: Vector
     left: Vector
+    shows: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +81,9 @@ class Search:
         found: What was found, in order.
         left: What is left, whitened, in units of noise.
         first: Contenders of the first round, for the map of scores.
+        signatures: What was worked out of a hypothesis before: how it begins apart from what is left, and its slope.
+            What was found meanwhile changes them little, and the best are fitted in full.
+        scales: Of the first round.
     """
 
     problem: Problem
@@ -86,7 +91,10 @@ class Search:
     found: list[Found] = field(default_factory=list[Found])
     left: Vector = field(default_factory=lambda: np.zeros(0))
     first: list[Contender] = field(default_factory=list[Contender])
-    signatures: dict[tuple[str, int, str], Vector] = field(default_factory=dict[tuple[str, int, str], Vector])
+    signatures: dict[tuple[str, int, str], tuple[Vector, Vector]] = field(
+        default_factory=dict[tuple[str, int, str], tuple[Vector, Vector]]
+    )
+    scales: Scales | None = None
 
 
 def rows_of(found: Sequence[Found]) -> Rows:
@@ -125,19 +133,22 @@ def contenders(state: Search, parts: list[tuple[int, int]], skip: Sequence[tuple
     taken = [(item.effect, item.at) for item in state.found]
     base = problem.residual(rows)
     fits: list[tuple[Hypothesis, Vector, Vector]] = []
-    for hypothesis in hypotheses(problem, rows, [*taken, *skip]):
-        known = (hypothesis.effect, hypothesis.at, hypothesis.form)
-        slope = state.signatures.get(known) if hypothesis.alone else None
-        r0 = base
-        if slope is None:
+    now = scales_of(problem, rows)
+    if state.scales is None:
+        state.scales = now
+    # amounts stay those of the first round, for which signatures were worked out
+    scales = replace(state.scales, residual=now.residual)
+    for hypothesis in hypotheses(problem, rows, scales, [*taken, *skip]):
+        name = (hypothesis.effect, hypothesis.at, hypothesis.form)
+        known = state.signatures.get(name)
+        if known is None:
             signature = _signature(problem, hypothesis, rows, base)
             if signature is None:
                 continue
             r0, slope = signature
-            slope = state.whiten(slope)
-            if hypothesis.alone:
-                state.signatures[known] = slope
-        fits.append((hypothesis, state.whiten(r0) if r0 is not base else state.left, slope))
+            known = (state.whiten(r0 - base), state.whiten(slope))
+            state.signatures[name] = known
+        fits.append((hypothesis, state.left + known[0], known[1]))
     return ranked(fits, state.left, parts)
 
 
@@ -148,7 +159,7 @@ def ranked(
     if not fits:
         return []
     sigma = spread(left, parts)
-    order: list[tuple[float, Hypothesis, Linear, Vector]] = []
+    order: list[tuple[float, Hypothesis, Linear, Vector, float]] = []
     # what is left by the best so far tells what misfit is to be expected; two rounds settle it
     for _ in range(3):
         null = float(np.sum((left / sigma) ** 2))
@@ -156,16 +167,17 @@ def ranked(
         for hypothesis, r0, slope in fits:
             fit = linear(r0 / sigma, slope / sigma[:, None], hypothesis.scale, hypothesis.lower)
             gain = 0.5 * (null - fit.cost) - fit.volume
-            order.append((gain, hypothesis, fit, fit.left * sigma))
+            shows = float(np.linalg.norm(slope * hypothesis.scale))
+            order.append((gain, hypothesis, fit, fit.left * sigma, shows))
         order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
         if order[0][0] <= 0.0:
             break
         sigma = spread(order[0][3], parts)
     energy = max(float(left @ left) - len(left), 1e-9)
     out: list[Contender] = []
-    for gain, hypothesis, fit, rest in order:
+    for gain, hypothesis, fit, rest, shows in order:
         explains = (float(left @ left) - float(rest @ rest)) / energy
-        out.append(Contender(hypothesis, gain, float(np.clip(explains, 0.0, 1.0)), fit.beta, rest))
+        out.append(Contender(hypothesis, gain, float(np.clip(explains, 0.0, 1.0)), fit.beta, rest, shows))
     return out
 
 

@@ -1,0 +1,329 @@
+"""The whole diagnosis: suspects that are no physics, the search, what it is worth on unseen runs, the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database import Database, with_effects
+from ..effects import effect_named
+from ..recording import Run
+from ..simulation.backends import backend_named, backend_names
+from . import how_far as farness
+from .alike import Alike, alike
+from .diagnosis import (
+    Diagnosis,
+    Finding,
+    HowFar,
+    LeftOutSamples,
+    Overlay,
+    Parameter,
+    Rejected,
+    Rival,
+    Score,
+    Unexplained,
+    Verdict,
+    Where,
+)
+from .fit import blocks
+from .model import level_rows, merged, robot_of
+from .noise import noise_floor, significance
+from .nuisances import Whitening, whitening
+from .numerics import numerics, unshifted
+from .problem import Problem, problem
+from .refine import Refined, refined
+from .resimulate import residuals, resimulated
+from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
+from .unseen import EARNS, NOTHING, Split, Unseen, in_parts, judged, splits
+from .where import where
+from .words import variable_in_words
+
+Vector = NDArray[np.float64]
+Tell = Callable[[str], None]
+
+# how rarely a perfect model may be called wrong
+LEVEL = 0.01
+# by how much more the gap must shrink without a finding for it to be none
+IDLE = 0.002
+
+
+def diagnose(
+    database: Database,
+    runs: Sequence[Run],
+    holdout: Sequence[Run] = (),
+    *,
+    level: str = "full",
+    backend: str = "mjcf",
+    backends: Sequence[str] | None = None,
+    progress: bool = False,
+) -> Diagnosis:
+    """Where the gap between a robot and its model lies, which effects cause it, how far it shrinks with them.
+
+    Args:
+        database: The robot as it is known.
+        runs: Recorded runs of it.
+        holdout: Runs that no fit may see; none: each run is left out in turn, a single one in parts.
+        level: Of the nominal model.
+        backend: Engine of the figures.
+        backends: Where the corrected robot is simulated again; None: in every engine that is there.
+        progress: Tell on standard error what is being done.
+
+    Raises:
+        UsageError: There is no such level or backend.
+        RefusedError: The backend cannot run the robot.
+    """
+    engine = backend_named(backend)
+    others = backend_names() if backends is None else tuple(backends)
+    engines = [name for name in others if backend_named(name).runs] if backends is None else list(others)
+    level_rows(database, level)
+    with _telling(progress) as tell:
+        return _Diagnosing(database, level, engine.name, engines, tell).of(runs, holdout)
+
+
+@contextmanager
+def _telling(progress: bool) -> Generator[Tell]:
+    """A line on a terminal that says what is being done, nothing elsewhere."""
+    if not progress:
+        yield lambda what: None
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    with console.status("reading") as status:
+        yield status.update
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Gap:
+    """Measured minus simulated of all runs, and how surely that is more than noise.
+
+    Attributes:
+        where: The gap's places.
+        chance: Probability that a perfect model would leave as much.
+    """
+
+    where: Where
+    chance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Diagnosing:
+    """What stays the same through a diagnosis."""
+
+    database: Database
+    level: str
+    backend: str
+    backends: Sequence[str]
+    tell: Tell
+
+    def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
+        """The answer."""
+        given = [*runs, *holdout]
+        notes: list[str] = []
+        parts = in_parts(runs[0]) if len(given) == 1 else tuple(given)
+        ready = [self._in_time(run, notes) for run in parts]
+        ways = splits(len(ready), len(holdout))
+        self.tell("where the gap lies")
+        before = self._gap(ready)
+        self.tell("what noise and tolerances may do")
+        whole = problem(self.database, self.level, ready)
+        whiten = whitening(whole)
+        fitted_on = ways[0].seen if holdout else tuple(range(len(ready)))
+        seen, seen_whiten = whole.only(fitted_on), whiten.only(whole.evidence.places(fitted_on))
+        state = search(seen, seen_whiten, lambda what: self.tell(f"found {what}, looking on"))
+        found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
+        how_far, overlays, after = self._how_far(ready, ways, found, unseen)
+        while (idle := _idle(found, how_far)) is not None:
+            dropped = (*dropped, Rejected(idle.effect, idle.place, "no gain on held-out data"))
+            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not idle], ways)
+            dropped = (*dropped, *more)
+            how_far, overlays, after = self._how_far(ready, ways, found, unseen)
+        fit = refined(seen, seen_whiten, found, blocks(seen.evidence)) if found else None
+        if fit is not None:
+            found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
+        names = [self._alike(state, found, item) for item in found]
+        verdict = _verdict(found, before.chance, after.chance if after else 1.0)
+        effects = rows_of(found)
+        return Diagnosis(
+            robot=self.database.name,
+            verdict=verdict,
+            where=before.where,
+            which=tuple(
+                _finding(item, gain, fit, others)
+                for item, gain, others in zip(found, unseen.gains, names, strict=True)
+                if fit is not None
+            ),
+            rejected=(*dropped, *_rejected(state, found, dropped, names)),
+            how_far=how_far,
+            unexplained=_unexplained(verdict, before, after or before, how_far),
+            next_experiment=None,
+            runs=tuple(run.name for run in runs),
+            holdout=tuple(run.name for run in holdout),
+            left_out=tuple(
+                LeftOutSamples(run.name, item.channel, item.reason, item.message)
+                for run in given
+                for item in run.left_out
+            ),
+            effects=effects,
+            corrected=with_effects(self.database, merged(self.database.effects, effects)),
+            notes=tuple(notes),
+            scores=_scores(state, found),
+            overlays=overlays,
+        )
+
+    def _in_time(self, run: Run, notes: list[str]) -> Run:
+        """The run with its stamps put right, if they are off, after the suspects that are no physics were tried."""
+        self.tell(f"step, hold and stamps of {run.name}")
+        robot = robot_of(self.database, self.level, run)
+        tried = numerics(robot, robot, run, self.backend, noise_floor(self.database, self.level, run))
+        notes += tried.notes
+        return unshifted(run, tried.shift) if tried.shift else run
+
+    def _gap(self, runs: Sequence[Run]) -> _Gap:
+        """The gap of the robot as it is known."""
+        robots = [robot_of(self.database, self.level, run) for run in runs]
+        left = [
+            residuals(run, resimulated(robot, robot, run, self.backend))
+            for run, robot in zip(runs, robots, strict=True)
+        ]
+        noises = [noise_floor(self.database, self.level, run) for run in runs]
+        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises))
+
+    def _kept(
+        self, whole: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]
+    ) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
+        """The findings that help on runs that no fit saw; the worst of the others goes first."""
+        kept = list(found)
+        dropped: list[Rejected] = []
+        while kept:
+            self.tell("what each finding is worth on runs that no fit saw")
+            unseen = judged(whole, whiten, kept, ways)
+            worst = min(range(len(kept)), key=lambda k: unseen.gains[k])
+            if unseen.gains[worst] >= EARNS:
+                return kept, unseen, tuple(dropped)
+            item = kept.pop(worst)
+            still = unseen.moves[worst] < NOTHING
+            why = "not excited by the held-out runs" if still else "no gain on held-out data"
+            dropped.append(Rejected(item.effect, item.place, why))
+        return [], Unseen((), (), tuple(() for _ in ways)), tuple(dropped)
+
+    def _alike(self, state: Search, found: Sequence[Found], item: Found) -> tuple[Alike, ...]:
+        self.tell(f"what looks like {item.effect} at {item.place}")
+        return alike(state, found, item)
+
+    def _how_far(
+        self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen
+    ) -> tuple[HowFar, tuple[Overlay, ...], _Gap | None]:
+        """How far the gap shrinks where no fit saw it, and the gap that is left."""
+        folds = [
+            farness.Fold(
+                tuple(_named(replace(item, row=row)) for item, row in zip(found, rows, strict=True)),
+                tuple(runs[k] for k in way.unseen),
+            )
+            for way, rows in zip(ways, unseen.rows, strict=True)
+        ]
+        answer, overlays = farness.how_far(
+            self.database, self.level, folds, self.backend, self.backends if found else (self.backend,), self.tell
+        )
+        if not found:
+            return answer, overlays, None
+        judged_runs = [run for fold in folds for run in fold.runs]
+        left = [residuals(run, overlay.after) for run, overlay in zip(judged_runs, overlays, strict=True)]
+        noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
+        robot = robot_of(self.database, self.level, judged_runs[0])
+        return answer, overlays, _Gap(where(left, noises, judged_runs, robot), significance(left, noises))
+
+
+def _idle(found: Sequence[Found], how_far: HowFar) -> Found | None:
+    """The finding without which the simulation does better on runs that no fit saw; None where there is none."""
+    total = how_far.shrinks_by
+    if total is None:
+        return None
+    better = {item.name: how_far.without.get(item.name) for item in map(_named, found)}
+    gains = {name: value - total for name, value in better.items() if value is not None and value > total + IDLE}
+    if not gains:
+        return None
+    worst = max(sorted(gains), key=lambda name: gains[name])
+    return next(item for item in found if _named(item).name == worst)
+
+
+def _named(item: Found) -> farness.Found:
+    return farness.Found(item.effect, item.place, item.row)
+
+
+def _verdict(found: Sequence[Found], before: float, after: float) -> Verdict:
+    if found:
+        return "explained" if after >= LEVEL else "partly_explained"
+    return "no_gap" if before >= LEVEL else "unexplained"
+
+
+def _finding(item: Found, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:
+    """A finding with its numbers' intervals."""
+    units = {column.name: column.unit for column in effect_named(item.effect).columns}
+    parameters: dict[str, Parameter] = {}
+    for k, (effect, at, name) in enumerate(fit.free):
+        if (effect, at) == (item.effect, item.at):
+            value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
+            parameters[name] = Parameter(value, (value - half, value + half), units[name])
+    rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)
+    return Finding(item.effect, item.place, probability(item.gain, gain), parameters, rivals)
+
+
+def probability(seen: float, unseen: float) -> float:
+    """That a finding is there, from the log evidence that it has where it was fitted and where it was not."""
+    nats = min(seen - 0.5 * THRESHOLD, unseen)
+    return float(1.0 / (1.0 + math.exp(-min(nats, 30.0) / 2.0)))
+
+
+def _rejected(
+    state: Search, found: Sequence[Found], dropped: Sequence[Rejected], names: Sequence[Sequence[Alike]]
+) -> list[Rejected]:
+    """Everything else that was looked at, by name and place."""
+    said = {(item.effect, item.place) for item in found} | {(item.effect, item.at) for item in dropped}
+    said |= {(one.found.effect, one.found.place) for others in names for one in others}
+    best: dict[tuple[str, int], Contender] = {}
+    for contender in state.first:
+        best.setdefault(contender.hypothesis.key, contender)
+    out: list[Rejected] = []
+    for (effect, at), contender in sorted(best.items()):
+        place = place_of(effect, at)
+        if (effect, place) not in said:
+            silent = contender.shows < NOTHING
+            out.append(
+                Rejected(effect, place, "not excited by these runs" if silent else "nothing to gain beside the verdict")
+            )
+    return out
+
+
+def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
+    """How well each effect at each place does alone."""
+    there = {(item.effect, item.at): item for item in found}
+    best: dict[tuple[str, int], Contender] = {}
+    for contender in state.first:
+        best.setdefault(contender.hypothesis.key, contender)
+    return tuple(
+        Score(
+            effect,
+            place_of(effect, at),
+            one.explains,
+            probability(there[effect, at].gain, math.inf) if (effect, at) in there else 0.0,
+        )
+        for (effect, at), one in sorted(best.items())
+    )
+
+
+def _unexplained(verdict: Verdict, before: _Gap, after: _Gap, how_far: HowFar) -> Unexplained:
+    """What is left of the gap's energy, where, and what it goes with."""
+    if verdict in ("no_gap", "explained"):
+        return Unexplained(0.0, {}, "")
+    by = how_far.shrinks_by
+    share = 1.0 if verdict == "unexplained" or by is None else float(min(1.0, (1.0 - by) ** 2))
+    joints = {name: joint.share for name, joint in after.where.joints.items() if joint.share > 0.0}
+    goes = after.where.depends_on[:2]
+    looks = " and ".join(f"a function of {variable_in_words(one.variable)}" for one in goes if one.strength > 0.1)
+    return Unexplained(share, joints, looks or "nothing that one variable explains")

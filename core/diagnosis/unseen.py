@@ -1,0 +1,129 @@
+"""Runs that no fit has seen: how they are set apart, and what each finding earns on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import EffectRow
+from ..recording import Run
+from .fit import blocks, spread
+from .nuisances import Whitening
+from .problem import Problem
+from .refine import Refined, refined
+from .search import Found, rows_of
+
+Vector = NDArray[np.float64]
+
+# one run is cut into so many parts, each at least this long [s]
+PARTS, SHORTEST_PART = 3, 1.0
+# more runs are left out several at a time
+MOST_FOLDS = 4
+# log evidence that a finding must earn where it was not fitted
+EARNS = 3.0
+# a change of what is said, in standard deviations of everything together, that counts as nothing
+NOTHING = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Runs to fit on and runs to judge by, as numbers."""
+
+    seen: tuple[int, ...]
+    unseen: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unseen:
+    """What the findings are worth on runs that no fit saw.
+
+    Attributes:
+        gains: Log evidence that each finding earns there, beside the others.
+        moves: By how many standard deviations each changes what is said there.
+        rows: For each split, the rows that were fitted without its unseen runs.
+    """
+
+    gains: tuple[float, ...]
+    moves: tuple[float, ...]
+    rows: tuple[tuple[EffectRow, ...], ...]
+
+
+def splits(count: int, held_out: int) -> tuple[Split, ...]:
+    """The ways to set runs apart: the held-out ones (which stand last), or each in turn."""
+    if held_out:
+        return (Split(tuple(range(count - held_out)), tuple(range(count - held_out, count))),)
+    parts = np.array_split(np.arange(count), min(count, MOST_FOLDS))
+    return tuple(Split(tuple(k for k in range(count) if k not in part), tuple(int(k) for k in part)) for part in parts)
+
+
+def in_parts(run: Run) -> tuple[Run, ...]:
+    """A run cut in time, each part with stamps from 0; the run itself where it is too short for two."""
+    count = min(PARTS, int(run.duration / SHORTEST_PART))
+    if count < 2:
+        return (run,)
+    edges = np.linspace(0, len(run.t), count + 1).astype(int)
+    return tuple(
+        replace(
+            run,
+            name=f"{run.name} ({k + 1} of {count})",
+            t=run.t[a:b] - run.t[a],
+            signals={name: values[a:b] for name, values in run.signals.items()},
+            left_out=run.left_out if k == 0 else (),
+        )
+        for k, (a, b) in enumerate(pairwise(edges.tolist()))
+    )
+
+
+def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]) -> Unseen:
+    """Fit the findings on the seen runs of every split and see what each is worth on the others.
+
+    Args:
+        problem: All runs.
+        whiten: Nuisances of all runs.
+        found: Findings with where to start.
+        ways: The splits.
+    """
+    gains = np.zeros(len(found))
+    moves = np.zeros(len(found))
+    rows: list[tuple[EffectRow, ...]] = []
+    for way in ways:
+        seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
+        fit = seen.fit(found)
+        rows.append(tuple(fit.rows[item.effect, item.at] for item in found))
+        whole = _with(found, fit)
+        left = unseen.left(whole)
+        sigma = spread(left, unseen.parts)
+        for k in range(len(found)):
+            others = [item for j, item in enumerate(whole) if j != k]
+            moves[k] += float(np.sum(((unseen.left(others) - left) / sigma) ** 2))
+            rest = unseen.left(_with(others, seen.fit(others)) if others else [])
+            gains[k] += 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2))
+    return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(rows))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """Some of the runs."""
+
+    problem: Problem
+    whiten: Whitening
+    parts: list[tuple[int, int]]
+
+    @staticmethod
+    def of(problem: Problem, whiten: Whitening, runs: Sequence[int]) -> _Part:
+        part = problem.only(runs)
+        return _Part(part, whiten.only(problem.evidence.places(runs)), blocks(part.evidence))
+
+    def fit(self, found: Sequence[Found]) -> Refined:
+        return refined(self.problem, self.whiten, found, self.parts)
+
+    def left(self, found: Sequence[Found]) -> Vector:
+        return self.whiten(self.problem.residual(rows_of(found)))
+
+
+def _with(found: Sequence[Found], fit: Refined) -> list[Found]:
+    return [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
