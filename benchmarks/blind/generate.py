@@ -18,12 +18,13 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from design import CATALOGUE, CLASSES, case_id, recipe_of, true_world
+from design import CATALOGUE, CLASSES, ROBOTS, case_id, recipe_of, true_world
 from equivalent import stated
 from record import data_file, database_files, log_file, measured, write_bytes
 
 COUNTS = {
-    "tune": {"nothing": 30, "single": 60, "pair": 14, "triple": 6, "outside": 16, "numerical": 10, "positions": 14},
+    "dev": {"nothing": 10, "single": 23},
+    "tune": {"nothing": 20, "single": 24, "pair": 6, "triple": 2, "outside": 6, "numerical": 4, "positions": 6},
     "report": {
         "nothing": 300, "single": 207, "pair": 100, "triple": 40, "outside": 100, "numerical": 100, "positions": 115,
     },
@@ -88,6 +89,7 @@ def main() -> None:
     parser.add_argument(
         "--count", action="append", default=[], metavar="CLASS=N", help="instead of the set's own counts"
     )
+    parser.add_argument("--robot", action="append", default=[], choices=ROBOTS, help="only cases of this robot")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--sample", action="store_true", help="the small sample of the suite, and nothing else")
     options = parser.parse_args()
@@ -101,6 +103,7 @@ def main() -> None:
         if unknown:
             parser.error(f"no class {', '.join(sorted(unknown))}; there are {', '.join(CLASSES)}")
         jobs = [(options.bank, options.which, g, i, None) for g in CLASSES for i in range(counts.get(g, 0))]
+        jobs = [j for j in jobs if not options.robot or ROBOTS[j[3] % len(ROBOTS)] in options.robot]
         # all classes grow together, so that a bank which is stopped early is one
         jobs.sort(key=lambda j: (j[3] / max(counts[j[2]], 1), j[2]))
     with ProcessPoolExecutor(options.workers) as pool:

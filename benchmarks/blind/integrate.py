@@ -15,7 +15,9 @@ from laws import (
     CABLE,
     CABLE_RATIO,
     COUPLING,
+    DAMPING,
     ELASTIC,
+    GAP,
     HYSTERESIS,
     HYSTERESIS_FORM,
     HYSTERESIS_STIFFNESS,
@@ -24,6 +26,8 @@ from laws import (
     LOAD,
     PARTNER,
     SLIPS,
+    SOFT,
+    STIFFNESS,
     arm_spring,
     bristle,
     bristle_after,
@@ -317,6 +321,50 @@ def settle_memory(plant, t, y, N, out, extra):
 
 
 @njit(cache=True)
+def advance(chain, plant, command, t, step, y, tau, slopes, stage, out, work):
+    """y, a step of Dormand-Prince later; slopes[0] is the slope at its begin, already there."""
+    size = len(y)
+    for b in range(1, 6):
+        for a in range(size):
+            value = y[a]
+            for c in range(b):
+                value += step * A[b, c] * slopes[c, a]
+            stage[a] = value
+        flow(chain, plant, command, t + NODES[b] * step, stage, tau, slopes[b], out, work)
+    for a in range(size):
+        for c in range(6):
+            y[a] += step * B[c] * slopes[c, a]
+
+
+@njit(cache=True)
+def touching(plant, command, t, y, N, cmd):
+    """Which hard contacts of backlash press, one number of base 3 for all joints."""
+    n = len(plant.driven)
+    code = 0
+    imposed = False
+    for i in range(n):
+        d = plant.drives[i]
+        if d[GAP] == 0.0 or d[SOFT] != 0.0:
+            continue
+        if plant.imposed and not imposed:
+            commanded(command, t, cmd[0], cmd[1], cmd[2])
+            imposed = True
+        theta = cmd[0, i] if plant.imposed else y[2 * N + i]
+        dtheta = cmd[1, i] if plant.imposed else y[2 * N + n + i]
+        e, e1, _ = gear_error(d, theta)
+        j = plant.driven[i]
+        stretch, dstretch = theta + e - y[j], dtheta * (1.0 + e1) - y[N + j]
+        half = 0.5 * d[GAP]
+        press = d[DAMPING] * dstretch / d[STIFFNESS]
+        code *= 3
+        if stretch > half and stretch - half + press > 0.0:
+            code += 1
+        elif stretch < -half and stretch + half + press < 0.0:
+            code += 2
+    return code
+
+
+@njit(cache=True)
 def at_rest(chain, plant, command, control):
     """Coordinates (N,) and motor sides (n,) in equilibrium under the controller, without friction, by relaxation."""
     N = len(chain.kind)
@@ -395,6 +443,10 @@ def run(chain, plant, command, control, ticks, substeps, euler, given):
     y, stage = np.zeros(size), np.zeros(size)
     slopes = np.zeros((6, size))
     out = np.zeros((4, n))
+    before = np.zeros(size)
+    clacks = False
+    for i in range(n):
+        clacks = clacks or (plant.drives[i, GAP] != 0.0 and plant.drives[i, SOFT] == 0.0)
     s, theta0 = at_rest(chain, plant, command, control)
     y[:N] = s
     y[2 * N : 2 * N + n] = theta0
@@ -473,16 +525,33 @@ def run(chain, plant, command, control, ticks, substeps, euler, given):
                     for i in range(n):
                         y[2 * N + i] += step * y[2 * N + n + i]
                     continue
-                for b in range(1, 6):
-                    for a in range(size):
-                        value = y[a]
-                        for c in range(b):
-                            value += step * A[b, c] * slopes[c, a]
-                        stage[a] = value
-                    flow(chain, plant, command, start + NODES[b] * step, stage, tau, slopes[b], out, work)
-                for a in range(size):
-                    for c in range(6):
-                        y[a] += step * B[c] * slopes[c, a]
+                if not clacks:
+                    advance(chain, plant, command, start, step, y, tau, slopes, stage, out, work)
+                    continue
+                # to where a contact closes or opens, by bisection, then on from there
+                done = 0.0
+                for _ in range(20):
+                    before[:] = y
+                    code = touching(plant, command, start + done, y, N, work[16])
+                    advance(chain, plant, command, start + done, step - done, y, tau, slopes, stage, out, work)
+                    if touching(plant, command, start + step, y, N, work[16]) == code:
+                        break
+                    low, high = 0.0, step - done
+                    while high - low > 1.0e-9:
+                        middle = 0.5 * (low + high)
+                        y[:] = before
+                        advance(chain, plant, command, start + done, middle, y, tau, slopes, stage, out, work)
+                        if touching(plant, command, start + done + middle, y, N, work[16]) == code:
+                            low = middle
+                        else:
+                            high = middle
+                    y[:] = before
+                    advance(chain, plant, command, start + done, high, y, tau, slopes, stage, out, work)
+                    done += high
+                    if step - done < 1.0e-9:
+                        break
+                    flow(chain, plant, command, start + done, y, tau, slopes[0], out, work)
+                    settle_memory(plant, start + done, y, N, out, work[13])
         if not math.isfinite(y[0] + y[N]):
             break
     return record_theta, record_dtheta, record_nodes, buffer, record_tau, record_passed

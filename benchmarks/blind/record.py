@@ -16,7 +16,7 @@ from world import ROBOTS, Signals, World, robot_named, sampled, simulate
 def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[str, np.ndarray], Signals]:
     """(columns of the data file, the same run as it truly was) of one run of a case."""
     control, sensors = recipe["control"], recipe["sensors"]
-    rate, _n = control["rate"], robot_named(recipe["robot"]).n
+    rate = control["rate"]
     ticks = int(row["duration"] * rate + 1.0e-6) + 1
     law = law_of(recipe, row)
     noise = loop_noise(recipe, row, ticks)
@@ -31,7 +31,13 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
         numerical=numerical,
     )
     kept = np.arange(0, ticks, sensors["every"])
-    values = {name: truth.channel(name)[kept].copy() for name in sensors["channels"]}
+    late = lateness(row, sensors, len(kept))
+    held = control["mode"] != "motion"
+    values = {}
+    for name in sensors["channels"]:
+        values[name] = truth.channel(name)[kept].copy()
+        if sensors["jitter"] and not (name == "tau" and held):
+            values[name] += rate * late[:, None] * ahead(truth.channel(name))[kept]
     for number, name in enumerate(sorted(values)):
         rng = np.random.default_rng([row["noise"], 2, number])
         sigma = np.array(sensors["sigma"][name], dtype=float)
@@ -47,19 +53,17 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
     for name in behind:
         if name in values:
             values[name] = np.concatenate([values[name][:1], values[name][:-1]])
-    t = kept / rate
-    if sensors["jitter"]:
-        rng = np.random.default_rng([row["noise"], 3])
-        t[1:] += np.clip(rng.normal(size=len(t) - 1), -3.0, 3.0) * sensors["jitter"]
-    columns: dict[str, np.ndarray] = {"t": t}
-    q_cmd, dq_cmd, ddq_cmd = sampled(law, ticks, rate)
+    columns: dict[str, np.ndarray] = {"t": kept / rate + late}
+    q_cmd, dq_cmd, ddq_cmd = (command[kept] for command in sampled(law, ticks, rate))
+    q_cmd += late[:, None] * dq_cmd + 0.5 * late[:, None] ** 2 * ddq_cmd
+    dq_cmd += late[:, None] * ddq_cmd
     if control["mode"] == "torque":
         put(columns, "tau_cmd", truth.tau_cmd[kept])
     elif control["mode"] != "unknown":
-        put(columns, "q_cmd", q_cmd[kept])
-        put(columns, "dq_cmd", dq_cmd[kept])
+        put(columns, "q_cmd", q_cmd)
+        put(columns, "dq_cmd", dq_cmd)
         if control["feedforward"] == "inverse_dynamics" or control["mode"] == "motion":
-            put(columns, "ddq_cmd", ddq_cmd[kept])
+            put(columns, "ddq_cmd", ddq_cmd)
     for name in ("q", "dq", "q_link", "tau", "tau_link"):
         if name in values:
             put(columns, name, values[name])
@@ -69,12 +73,25 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
         if sensors["orientation"]:
             columns.update(orientation(recipe, row, truth.ee[kept, :, :3]))
     if sensors["gap"]:
-        begin = int(sensors["gap"][0] * len(t))
+        begin = int(sensors["gap"][0] * len(kept))
         end = begin + max(2, int(sensors["gap"][1] * rate / sensors["every"]))
-        keep = np.ones(len(t), dtype=bool)
+        keep = np.ones(len(kept), dtype=bool)
         keep[begin:end] = False
         columns = {name: value[keep] for name, value in columns.items()}
     return columns, truth
+
+
+def lateness(row: dict, sensors: dict, count: int) -> np.ndarray:
+    """How much later than its tick each row was taken [s], (m,): its stamp and its values alike; the first is not."""
+    rng = np.random.default_rng([row["noise"], 3])
+    late = sensors["jitter"] * np.clip(np.abs(rng.normal(size=count)), 0.0, 3.0)
+    late[0] = 0.0
+    return late
+
+
+def ahead(values: np.ndarray) -> np.ndarray:
+    """Change to the next tick, (m, n)."""
+    return np.diff(values, axis=0, append=2.0 * values[-1:] - values[-2:-1])
 
 
 def put(columns: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:

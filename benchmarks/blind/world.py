@@ -479,7 +479,8 @@ def plant_of(world: World, imposed: bool):
 
 
 def substeps_needed(world: World, rate: float, speed: np.ndarray) -> int:
-    """Integration steps a tick: a third of a millisecond, less where springs, bristles or contacts are fast."""
+    """Integration steps a tick: a millisecond, a third of one where forces have kinks, less where springs, bristles or
+    contacts are fast."""
     chain, plant, _ = plant_of(world, False)
     q = np.zeros(len(chain.kind))
     q[plant.driven] = world.robot.home
@@ -489,6 +490,7 @@ def substeps_needed(world: World, rate: float, speed: np.ndarray) -> int:
     mobility = np.diag(np.linalg.inv(M))
     load = usual_load(world.robot)
     fastest = 0.0
+    kinks = any(np.any(world.drives[:, COLUMN[name]]) for name in ("hysteresis", "gap", "coupling", "drag"))
     for j in range(len(q)):
         fastest = max(
             fastest, math.sqrt(plant.hidden_stiffness[j] * mobility[j]), plant.hidden_damping[j] * mobility[j]
@@ -497,16 +499,32 @@ def substeps_needed(world: World, rate: float, speed: np.ndarray) -> int:
         free = mobility[plant.driven[i]]
         if d[COLUMN["elastic"]]:
             soft = free + 1.0 / d[COLUMN["inertia"]]
-            fastest = max(fastest, math.sqrt(d[COLUMN["stiffness"]] * soft), d[COLUMN["damping"]] * soft)
+            # contacts open and close; what follows an impact hangs on where it was
+            finer = 2.0 if d[COLUMN["gap"]] and not d[COLUMN["soft"]] else 1.0
+            fastest = max(fastest, finer * math.sqrt(d[COLUMN["stiffness"]] * soft), d[COLUMN["damping"]] * soft)
             free = 1.0 / d[COLUMN["inertia"]]
         dry = d[COLUMN["coulomb"]] + d[COLUMN["stribeck"]] + d[COLUMN["load"]] * load[i]
         if dry > 0.0:
+            kinks = True
             fastest = max(fastest, math.sqrt(dry / d[COLUMN["bristle"]] * free))
             if d[COLUMN["form"]]:
                 fastest = max(fastest, 0.3 * speed[i] / d[COLUMN["bristle"]])
         if d[COLUMN["lag"]]:
             fastest = max(fastest, 1.0 / d[COLUMN["lag"]])
-    return max(math.ceil(3000.0 / rate), math.ceil(fastest / 0.8 / rate))
+    return max(math.ceil((3000.0 if kinks else 1000.0) / rate), math.ceil(fastest / 0.8 / rate))
+
+
+def quickness(world: World, control: dict) -> float:
+    """How much of a joint's speed its controller's damping takes away within a tick, at most; above 2 none is held."""
+    chain, plant, _ = plant_of(world, False)
+    q = np.zeros(len(chain.kind))
+    q[plant.driven] = world.robot.home
+    M = mass_and_bias(chain, q, np.zeros(len(q)))[0][np.ix_(plant.driven, plant.driven)]
+    motor, elastic = world.drives[:, COLUMN["inertia"]], world.drives[:, COLUMN["elastic"]] != 0.0
+    M[elastic] = M[:, elastic] = 0.0
+    M[np.diag_indices(len(motor))] += motor
+    kd = np.array(control["kd"]) * world.kd_factor * world.drives[:, COLUMN["gain"]]
+    return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(kd))).real)) / control["rate"]
 
 
 def simulate(
