@@ -38,7 +38,8 @@ def rows_in_order(t: Vector, file: str) -> tuple[Rows, list[LeftOut]]:
     steps = np.diff(t[rows])
     if (steps < 0.0).any():
         at = int(np.argmax(steps < 0.0))
-        message = f"time runs back in row {rows[at + 1] + 1}: {t[rows[at + 1]]!r} s after {t[rows[at]]!r} s"
+        later, earlier = float(t[rows[at + 1]]), float(t[rows[at]])
+        message = f"time runs back in row {rows[at + 1] + 1}: {later!r} s after {earlier!r} s"
         # the header is the first line
         line = int(rows[at + 1]) + 2
         raise RunFileError((Problem(message, file=file, line=line, column="t", value=repr(float(t[rows[at + 1]]))),))
@@ -107,8 +108,9 @@ def uneven_steps(t: Vector) -> list[LeftOut]:
     wide = steps > GAP * max(usual, float(np.quantile(steps, 0.95)) / 1.5)
     for at in np.flatnonzero(wide).tolist():
         missing = max(1, round(float(steps[at]) / usual) - 1)
-        message = f"{missing} rows are missing between t = {t[at]!r} s and {t[at + 1]!r} s"
-        left_out.append(LeftOut("t", "gap", float(t[at]), float(t[at + 1]), missing, message))
+        first, last = float(t[at]), float(t[at + 1])
+        message = f"{missing} rows are missing between t = {first!r} s and {last!r} s"
+        left_out.append(LeftOut("t", "gap", first, last, missing, message))
     # a row that was left out makes a step of twice the length; that is no jitter
     whole = np.maximum(1.0, np.round(steps[~wide] / usual))
     scatter = float(np.sqrt(np.mean((steps[~wide] - whole * usual) ** 2))) if (~wide).any() else 0.0
