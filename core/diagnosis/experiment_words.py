@@ -81,7 +81,7 @@ class Pair:
 
 
 def why_in_words(duration: float | None, words: str, pairs: Sequence[Pair]) -> str:
-    """Sentences: what the motion separates, what the robot does, what each cause would show, and what stays open.
+    """What the motion separates (begun in lower case), what the robot does, what each cause shows, what stays open.
 
     Args:
         duration: Of the motion [s]; None: there is none.
@@ -95,7 +95,7 @@ def why_in_words(duration: float | None, words: str, pairs: Sequence[Pair]) -> s
     split = [pair for pair in pairs if pair.apart]
     worst = split[0]
     text = [
-        f"It separates {listed(f'{one} from {other}' for one, other in (pair.names for pair in split))}: "
+        f"separates {listed(f'{one} from {other}' for one, other in (pair.names for pair in split))}: "
         f"for {duration:.0f} s {words}."
     ]
     shows = {name: SHOWS[found.effect] for found, name in _both(split) if found.effect in SHOWS}
@@ -104,7 +104,7 @@ def why_in_words(duration: float | None, words: str, pairs: Sequence[Pair]) -> s
     one, other = worst.names
     nearest = " (the nearest two)" if len(split) > 1 else ""
     text.append(
-        f"If it is {one}, the best {other} would miss{nearest} by {worst.sigmas:.0f} times what noise makes of it, "
+        f"If it is {one}, the best {other} would miss{nearest} by {worst.sigmas:.0f} standard deviations of all noise, "
         f"{percent(worst.share)} of the effect's energy, most of it in {_channel(worst)} "
         f"({quantity(worst.rms, worst.unit, 2)} rms)."
     )
@@ -127,7 +127,7 @@ def _never(pair: Pair) -> str:
         return f"No motion can split {one} and {other}: with these sensors they say the same in each that was tried."
     return (
         f"No motion within the limits splits {one} and {other}: at best {percent(pair.share)} of the effect's energy "
-        f"is left, {pair.sigmas:.1f} times the noise."
+        f"is left, {pair.sigmas:.1f} standard deviations of all noise."
     )
 
 

@@ -30,8 +30,6 @@ FINE, SLOWEST, FASTEST = 5.0, 100.0, 250.0
 HARMONICS = 4.0
 # part of a motion's energy (of its accelerations) below its highest frequency
 NEARLY_ALL = 0.99
-# a joint's torque is compared where it has moved for so long [s]
-MOVING = 0.05
 
 
 def imagined(problem: Problem, law: MotionLaw, truth: Rows, *, rate: float | None = None) -> Problem:
@@ -74,7 +72,7 @@ def imagined(problem: Problem, law: MotionLaw, truth: Rows, *, rate: float | Non
         measured[name] = getattr(speech, name)
     masks = _masks(plan, creep, present)
     channels, weights = _weights(evidence, place, plan)
-    whole = Evidence((plan,), (nominal,), channels, weights, (masks,), (creep,))
+    whole = Evidence((plan,), (nominal,), channels, weights, (masks,), (creep,), (_mixes(evidence, plan),))
     return Problem(problem.database, problem.known, (problem.bodies[place],), whole)
 
 
@@ -128,20 +126,10 @@ def _commanded(robot: Robot, recorded: Run, t: Vector, q: Vector, dq: Vector, ne
 
 def _masks(plan: Prepared, creep: Vector, present: list[str]) -> dict[str, Vector]:
     """What counts: no edges, and no torque of a joint that stands, whose friction is anywhere between its levels."""
-    ndimage: Any = import_module("scipy.ndimage")
-
-    moves = np.abs(plan.dq) >= creep
-    span = max(3, int(MOVING / plan.h))
     whole = np.ones(plan.q.shape)
     whole[: plan.edge] = whole[len(whole) - plan.edge :] = 0.0
-    moving = whole.copy()
-    for i in range(moves.shape[1]):
-        # crossing zero is no standing
-        moving[~ndimage.binary_closing(moves[:, i], np.ones(span, dtype=bool)), i] = 0.0
-    masks = dict.fromkeys(present, whole)
-    masks["u"] = whole if "tau" in present else moving
-    if "tau" in present:
-        masks["tau"] = moving
+    moving = np.where(np.abs(plan.dq) >= creep, whole, 0.0)
+    masks = dict.fromkeys(present, whole) | dict.fromkeys(("tau", "u"), moving)
     if "ee" in present:
         masks["ee"] = np.repeat(whole[:, :1], 3, axis=1)
     return masks
@@ -149,8 +137,7 @@ def _masks(plan: Prepared, creep: Vector, present: list[str]) -> dict[str, Vecto
 
 def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Channel, ...], Vector]:
     """Channels of the recorded runs, with the noise that these had at each frequency."""
-    m = len(plan.t)
-    f = np.arange(max(4, int(2.0 * plan.band * m * plan.h))) / (2.0 * m * plan.h)
+    f = _frequencies(plan)
     power: dict[tuple[str, int], list[Vector]] = {}
     wanted = {(channel.signal, channel.index) for channel in evidence.channels if channel.run == place}
     for channel in evidence.channels:
@@ -158,7 +145,7 @@ def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Chan
             continue
         run = evidence.runs[channel.run]
         variance = run.h / evidence.weights[channel.first : channel.last] ** 2
-        known = np.arange(len(variance)) / (2.0 * len(run.t) * run.h)
+        known = _frequencies(run)
         # beyond what was compared, noise grows as that of accelerations does at most
         beyond = np.maximum(f / max(float(known[-1]), 1e-9), 1.0) ** 4
         level: Vector = np.asarray(np.interp(f, known, variance), dtype=float)
@@ -169,3 +156,19 @@ def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Chan
         channels.append(Channel(0, signal, index, number * len(f), (number + 1) * len(f)))
         weights.append(1.0 / np.sqrt(np.mean(levels, axis=0)))
     return tuple(channels), np.concatenate(weights)
+
+
+def _mixes(evidence: Evidence, plan: Prepared) -> dict[int, Vector]:
+    """What of the noise of "tau" is in "u" at each frequency, as in the recorded runs."""
+    f = _frequencies(plan)
+    found: dict[int, list[Vector]] = {}
+    for run, mixes in zip(evidence.runs, evidence.mixes, strict=True):
+        for joint, mix in mixes.items():
+            found.setdefault(joint, []).append(np.asarray(np.interp(f, _frequencies(run), mix), dtype=float))
+    return {joint: np.mean(levels, axis=0) for joint, levels in found.items()}
+
+
+def _frequencies(run: Prepared) -> Vector:
+    """Of the coefficients that are compared [Hz]."""
+    m = len(run.t)
+    return np.arange(max(4, int(2.0 * run.band * m * run.h))) / (2.0 * m * run.h)

@@ -84,7 +84,8 @@ def probes(robot: Robot, joints: Sequence[int], highest: Sequence[float], *, too
     whole = "all joints move {} at once" if robot.n > 1 else "the joint moves {}"
     for (low, high), how in zip(BANDS, ("slowly", "quickly"), strict=True):
         for seed in SEEDS:
-            yield Probe(f"{whole.format(how)} on sums of sines", _together(robot, low, high, seed))
+            motion = _together(robot, low, max(2.0 * low, min(high, *highest)), seed)
+            yield Probe(f"{whole.format(how)} on sums of sines", motion)
     for j, limit in zip(joints, highest, strict=True):
         name = f"joint {j + 1}"
         yield Probe(f"{name} goes slowly to and fro", _of_joint(j, _slow))
