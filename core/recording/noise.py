@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 
 from .colour import LENGTHS, coloured
 from .run import Run, Vector
+from .stamps import JITTER
 
 Rows = NDArray[np.bool_]
 
 # before and after a reversal, where friction jumps, a motion is not smooth and a controller settles [s]
 _BEFORE, _AFTER = 0.04, 0.08
+# rows to either side from which slopes are taken, and steps beyond which a sample is too far away to be moved
+_ASIDE, _AWAY = 4, 1.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,10 +50,14 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     Raises:
         KeyError: The run has no such signal.
     """
+    # moved samples are no multiples of a step any more
+    steps = [quantisation(column) for column in run.signals[signal].T]
+    run = _evenly(run, signal)
     values = run.signals[signal]
     known = _motion_of(run)
     found = [
-        _channel(run, values[:, i], known, i if values.shape[1] == run.n else None) for i in range(values.shape[1])
+        _channel(run, values[:, i], steps[i], known, i if values.shape[1] == run.n else None)
+        for i in range(values.shape[1])
     ]
     variance, step = np.array([one[0] for one in found]), np.array([one[2] for one in found])
     orders = max(1, *(len(one[1]) for one in found))
@@ -63,6 +70,37 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     if stated:
         sigma = np.broadcast_to(run.noise[signal], sigma.shape)
     return ChannelNoise(np.maximum(sigma, step / np.sqrt(12.0)), ar, step, stated)
+
+
+def _evenly(run: Run, signal: str) -> Run:
+    """A run whose steps of time differ, as it would be at even ones; nothing where rows are missing.
+
+    What is at a time is the nearest sample, moved there along the motion's slope and bend, which are taken from far
+    enough that no noise is averaged away.
+    """
+    steps = np.diff(run.t) * run.rate
+    if np.abs(steps - 1.0).max() < JITTER or len(run.t) < 4 * _ASIDE:
+        return run
+    grid = np.arange(int(run.t[-1] * run.rate + 1.0e-6) + 1) / run.rate
+    right = np.clip(np.searchsorted(run.t, grid), 1, len(run.t) - 1)
+    near = np.where(grid - run.t[right - 1] < run.t[right] - grid, right - 1, right)
+    away = grid - run.t[near]
+    lost = np.abs(away) * run.rate > _AWAY
+    signals: dict[str, Vector] = {}
+    for name in {"q", signal, *({"q_cmd"} & run.signals.keys())}:
+        slope = _slope(run.signals[name], run.t)
+        bend = _slope(slope, run.t)
+        even = run.signals[name][near] + away[:, None] * (slope[near] + 0.5 * away[:, None] * bend[near])
+        even[lost] = np.nan
+        signals[name] = even
+    return replace(run, t=grid, signals=signals)
+
+
+def _slope(values: Vector, t: Vector) -> Vector:
+    """Change with time between samples some rows before and after, shape as values."""
+    rows = np.arange(len(t))
+    before, after = np.maximum(rows - _ASIDE, 0), np.minimum(rows + _ASIDE, len(t) - 1)
+    return (values[after] - values[before]) / (t[after] - t[before])[:, None]
 
 
 def quantisation(values: Vector) -> float:
@@ -111,13 +149,12 @@ def _motion_of(run: Run) -> _Motion:
     return _Motion(reversals, gaps)
 
 
-def _channel(run: Run, values: Vector, known: _Motion, joint: int | None) -> tuple[float, Vector, float]:
+def _channel(run: Run, values: Vector, step: float, known: _Motion, joint: int | None) -> tuple[float, Vector, float]:
     """(variance, autoregression, quantisation step) of one channel (m,)."""
     nothing = (0.0, np.zeros(0), 0.0)
     finite = np.isfinite(values)
     if finite.sum() < LENGTHS[-1] // 2:
         return nothing
-    step = quantisation(values)
     turned = known.reversals.any(axis=1) if joint is None else known.reversals[:, joint]
     # a motion that turns all the time leaves what it leaves
     avoided = ~finite | (turned if turned.mean() < 0.7 else np.zeros_like(turned))

@@ -149,6 +149,26 @@ def test_lost_samples_and_missing_channels_do_not_matter():
     assert noise.sigma[1] == 0.0
 
 
+@pytest.mark.parametrize("motion", [swing, triangle])
+@pytest.mark.parametrize("slope", [0.0, 0.95])
+@pytest.mark.parametrize("uneven", ["rows missing", "sampled unevenly"])
+def test_steps_of_time_that_differ_are_no_noise(motion, slope, uneven):
+    """A row of twelve is missing, or samples are taken up to a third of a step early or late."""
+    for seed in SEEDS:
+        random = np.random.default_rng(100 + seed)
+        fine = recorded(motion, seed=seed)
+        if uneven == "rows missing":
+            there = random.uniform(size=len(fine.t)) > 1.0 / 12.0
+            t, clean = fine.t[there], fine.signals["q_cmd"][there]
+        else:
+            t = fine.t + random.uniform(-0.3, 0.3, len(fine.t)) / RATE
+            clean = np.column_stack([np.interp(t, fine.t, column) for column in fine.signals["q_cmd"].T])
+        noise = np.column_stack([coloured(len(t), slope, random) for _ in range(2)])
+        q = clean + SIGMA["q"] * noise
+        found = noise_of(run_of(t, {"q_cmd": clean, "q": q}), "q")
+        assert found.sigma == pytest.approx([SIGMA["q"]] * 2, rel=0.35 if slope else 0.15)
+
+
 def test_noise_of_the_tool():
     random = np.random.default_rng(0)
     t = np.arange(6000) / RATE
