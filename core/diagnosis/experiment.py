@@ -55,6 +55,8 @@ VARIED = ((1.0, 0.6), (1.6, 1.0))
 # a motion may take this part of a torque limit
 EFFORT = 0.9
 SLOWER = (1.25, 1.6, 2.0)
+# so many times what it takes is as clear as can be
+CLEAR = 10.0
 # of a close fit
 _ROUNDS = 3
 # what a controller follows well ends at this part of its own frequency
@@ -164,10 +166,12 @@ class _Score:
         return sum(pair.apart for pair in self.pairs)
 
     @property
-    def order(self) -> tuple[int, float, float]:
-        """Pairs that are told apart, then how clearly the worst of them is, then how near the others come."""
-        margins = [pair.margin for pair in self.pairs]
-        return (self.count, min((m for m in margins if m >= 1.0), default=0.0), sum(min(m, 1.0) for m in margins))
+    def order(self) -> tuple[int, float, float, float]:
+        """Pairs that are told apart, how clearly the worst of them is, by how much, and how near the others come."""
+        apart = [pair for pair in self.pairs if pair.apart]
+        clear = min((min(pair.margin, CLEAR) for pair in apart), default=0.0)
+        sigmas = min((pair.sigmas for pair in apart), default=0.0)
+        return (self.count, clear, sigmas, sum(min(pair.margin, 1.0) for pair in self.pairs))
 
 
 def _ranked(scored: list[tuple[_Score, _Trial]]) -> list[tuple[_Score, _Trial]]:

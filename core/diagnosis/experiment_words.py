@@ -94,10 +94,11 @@ def why_in_words(duration: float | None, words: str, pairs: Sequence[Pair]) -> s
         return " ".join(_never(pair) for pair in pairs)
     split = [pair for pair in pairs if pair.apart]
     worst = split[0]
-    text = [
-        f"separates {listed(f'{one} from {other}' for one, other in (pair.names for pair in split))}: "
-        f"for {duration:.0f} s {words}."
-    ]
+    if len(split) == len(pairs) > 1:
+        what = f"{listed(dict.fromkeys(name for _, name in _both(split)))} from each other"
+    else:
+        what = listed(f"{one} from {other}" for one, other in (pair.names for pair in split))
+    text = [f"separates {what}: for {duration:.0f} s {words}."]
     shows = {name: SHOWS[found.effect] for found, name in _both(split) if found.effect in SHOWS}
     if shows:
         text.append(capitalised("; ".join(f"{name} {what}" for name, what in shows.items())) + ".")
