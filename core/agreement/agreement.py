@@ -95,6 +95,7 @@ class RunFacts:
         motion: Name of the command.
         duration: [s].
         steps: Voice to its integration step [s].
+        knocks: Voices for which play opens and closes in it.
     """
 
     scenario: str
@@ -102,6 +103,7 @@ class RunFacts:
     motion: str
     duration: float
     steps: Mapping[str, float]
+    knocks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +183,7 @@ class Agreement:
             "reach": self.reach,
             "voices": [asdict(voice) for voice in self.voices],
             "left_out": [asdict(omission) for omission in self.left_out],
-            "runs": [{**asdict(run), "steps": dict(run.steps)} for run in self.runs],
+            "runs": [{**asdict(run), "steps": dict(run.steps), "knocks": list(run.knocks)} for run in self.runs],
             "findings": [{**asdict(finding), "voices": list(finding.voices)} for finding in self.findings],
             "figures": [
                 {**_finite(asdict(figure)), "voices": list(figure.voices), "passed": figure.passed}
@@ -501,7 +503,7 @@ def _ask(backend: Backend, robot: Robot, states: States, quantities: Sequence[st
 
         springs = [stage.drive.spring for stage in robot.stages]
         elastic = [spring is not None for spring in springs]
-        play = [spring is not None and spring.gap > 0.0 for spring in springs]
+        play = [spring.gap if spring else 0.0 for spring in springs]
         base = robot.base.matrix()
         with _must_run():
             return ask_engine(engine, base, states, quantities, moving=moving, elastic=elastic, step=step, play=play)
@@ -534,4 +536,6 @@ def _laws(subject: _Subject) -> dict[str, Any]:
 
 def _facts(scenario: Scenario, runs: Sequence[Run]) -> RunFacts:
     steps = {run.voice: run.step for run in runs if not run.half}
-    return RunFacts(scenario.name, SCENARIOS[scenario.name], scenario.motion_name, scenario.duration, steps)
+    knocks = tuple(dict.fromkeys(run.voice for run in runs if run.knocks))
+    title = SCENARIOS[scenario.name]
+    return RunFacts(scenario.name, title, scenario.motion_name, scenario.duration, steps, knocks)

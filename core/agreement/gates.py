@@ -12,9 +12,14 @@ from typing import Literal
 
 from ..simulation.backend import Backend
 
-Manner = Literal["algebra", "explicit", "implicit", "first", "extrapolated"]
+Manner = Literal["algebra", "explicit", "implicit", "first", "extrapolated", "halved"]
 """How a voice came to its numbers: no integration at all, an explicit method of order four or a variable step,
-a second-order implicit one, a first-order one as it runs, or that one extrapolated from two steps (Richardson)."""
+a second-order implicit one, a first-order one as it runs, or that one extrapolated from two steps (Richardson); halved:
+any of them at half its step, where play opens and closes."""
+
+OPEN = 2.0
+"""Where play opens and closes, a run at half its step may be off by this many times what halving its step changed. With
+errors of first order that is once; twice, for every meeting with an edge leaves an error of its own."""
 
 PAPER_REACH = 1.7
 """Reach of the arm that the limits were measured on [m]."""
@@ -135,6 +140,8 @@ def limit(signal: str, manners: tuple[Manner, Manner], *, reach: float, step: fl
         "implicit": (gate.implicit, gate.absolute),
         "first": (gate.first * (step / gate.first_step if gate.first_step else 1.0), gate.absolute_first),
         "extrapolated": (gate.extrapolated, gate.absolute_first),
+        # what is open is added by who knows it
+        "halved": (gate.explicit, gate.absolute),
     }
     rough: list[Manner] = [manner for manner in manners if narrow and manner not in ("algebra", "explicit")]
     rough = rough or list(manners)

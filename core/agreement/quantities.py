@@ -11,6 +11,7 @@ import numpy as np
 from ..kinematics import dynamics, reach
 from ..representation import FrictionModel, Robot
 from ..simulation.backend import Engine, MachineState, Vector
+from ..simulation.settle import terms_at_rest
 from .reference import Tables
 
 STATICS = (
@@ -41,6 +42,10 @@ SMALL_LOAD = 1.0e-4
 SMALL_SAG = 1.0e-6
 # a load below this part of the largest is none
 WEIGHTLESS = 1.0e-9
+# an arm without load that can be moved by this part of its play stands where it is put
+LOOSE = 0.5
+ERROR_ITERATIONS = 60
+BISECTIONS = 60
 # fractions of a run's step over which acceleration is taken, and the weights that leave an error of third order
 ACCELERATION_STEPS = (1 / 64, 1 / 128, 1 / 256)
 ACCELERATION_WEIGHTS = (1 / 3, -2.0, 8 / 3)
@@ -93,11 +98,23 @@ def random_states(robot: Robot, count: int = COUNT, seed: int = SEED) -> States:
         q,
         dq,
         ddq,
-        q + stretch * far + closed,
-        np.where(elastic, dq + dstretch, dq),
-        q + stretch * give + closed,
-        np.where(elastic, dq + 1e-2 * dstretch, dq),
+        *_stretched(robot, q, dq, stretch * far + closed, np.where(elastic, dstretch, 0.0)),
+        *_stretched(robot, q, dq, stretch * give + closed, np.where(elastic, 1e-2 * dstretch, 0.0)),
     )
+
+
+def _stretched(robot: Robot, q: Vector, dq: Vector, stretch: Vector, dstretch: Vector) -> tuple[Vector, Vector]:
+    """Motor sides theta, dtheta for which theta + e(theta) - q is stretched so far and so fast, shapes (m, n)."""
+    theta, dtheta = q + stretch, dq + dstretch
+    for i, stage in enumerate(robot.stages):
+        if any(term.kind == "error" for term in stage.drive.terms):
+            for k in range(len(q)):
+                # an error of less slope than 1, as any gear's that turns its joint at all, makes this a contraction
+                for _ in range(ERROR_ITERATIONS):
+                    theta[k, i] = q[k, i] + stretch[k, i] - terms_at_rest(stage.drive, "error", theta[k, i], q[k, i])
+                slope = terms_at_rest(stage.drive, "error_slope", theta[k, i], q[k, i])
+                dtheta[k, i] /= 1.0 + slope
+    return theta, dtheta
 
 
 def smooth(robot: Robot) -> Robot:
@@ -114,7 +131,7 @@ def ask_engine(
     moving: Callable[[], Engine],
     elastic: Sequence[bool],
     step: float,
-    play: Sequence[bool] = (),
+    play: Sequence[float] = (),
 ) -> dict[str, Vector]:
     """Answers of a loaded model, by quantity; the first index counts the states.
 
@@ -127,7 +144,7 @@ def ask_engine(
             memory, and is compared in runs.
         elastic: Where motor and arm side are two coordinates.
         step: Step of a run [s].
-        play: Where the connection of the two has a clearance; () nowhere.
+        play: Clearance of the connection of the two, shape (n,) [rad or m]; () nowhere.
     """
     tool = np.array([base_in_world @ engine.tool_in_base(q) for q in states.q])
     few = range(min(FEW, len(states.q)))
@@ -206,18 +223,20 @@ def _stepped(engine: Engine, states: States, k: int, step: float) -> Vector:
     return total
 
 
-def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[bool]) -> Vector:
+def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[float]) -> Vector:
     """What the arms sag below motor sides held at theta, by the engine's own gravity and springs, shape (n,).
 
     Newton's method on spring torque = gravity, with differences for the slope. Play is closed by the load to begin
-    with, and stands where it is where there is none.
+    with. An arm that nothing loads rests anywhere within its play: no one place is its answer, and the middle of the
+    play, which the engine's own springs bound, stands for all of them.
     """
     sag = np.zeros(engine.n)
     fixed: set[int] = set()
     played = set(np.flatnonzero(play).tolist())
     for j in sorted(played):
-        sag[j] = _closed(engine, theta, j)
-        if sag[j] == 0.0:
+        low, high = _rests(engine, theta, j)
+        sag[j] = 0.5 * (low + high)
+        if high - low > LOOSE * play[j]:
             fixed.add(j)
     free = np.array([j for j in np.flatnonzero(elastic) if j not in fixed], dtype=np.int64)
     if not len(free):
@@ -238,7 +257,7 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
             shifted = sag.copy()
             shifted[j] += shift
             slope[:, column] = (unbalance(shifted) - now) / shift
-        # within its play a joint without load has no slope: it stays
+        # at the edge of its play a joint may have no slope: it stays
         move = np.linalg.lstsq(slope, now, rcond=None)[0]
         sag[free] -= move
         if float(np.max(np.abs(move))) <= 1e-15 + 1e-13 * float(np.max(np.abs(sag))):
@@ -246,24 +265,28 @@ def _sag(engine: Engine, theta: Vector, elastic: Sequence[bool], play: Sequence[
     return sag
 
 
-def _closed(engine: Engine, theta: Vector, j: int) -> float:
-    """The sag of joint j alone at which its spring holds the load beyond its play; 0 where there is no load."""
+def _rests(engine: Engine, theta: Vector, j: int) -> tuple[float, float]:
+    """Least and largest sag of joint j alone at which its springs hold its load, all but a load that is none."""
     still = np.zeros(engine.n)
+    # beside what would accelerate the heaviest joint by 1, where the whole robot weighs on none
+    none = WEIGHTLESS * float(max(np.max(np.abs(engine.gravity(theta))), np.max(np.diag(engine.mass_matrix(theta)))))
 
     def unbalance(sag: float) -> float:
         q = theta + sag * np.eye(engine.n)[j]
         return float((engine.drive_torque(q, still, theta, still)[0] - engine.gravity(q))[j])
 
-    pressing = unbalance(0.0)
-    if abs(pressing) <= WEIGHTLESS * float(np.max(np.abs(engine.gravity(theta)))):
-        return 0.0
-    near, far = 0.0, math.copysign(1e-6, pressing)
-    while abs(far) < 1.0 and unbalance(far) * pressing > 0.0:
-        near, far = far, 2.0 * far
-    for _ in range(50):
-        middle = 0.5 * (near + far)
-        near, far = (middle, far) if unbalance(middle) * pressing > 0.0 else (near, middle)
-    return near
+    def falls_below(limit: float) -> float:
+        """The sag beyond which the unbalance is below a limit: springs pull back the more, the farther."""
+        reach = 1e-6
+        while reach < 1.0 and not unbalance(-reach) > limit > unbalance(reach):
+            reach *= 2.0
+        low, high = -reach, reach
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if unbalance(middle) > limit else (low, middle)
+        return 0.5 * (low + high)
+
+    return falls_below(none), falls_below(-none)
 
 
 def scales(answers: Mapping[str, Vector]) -> dict[str, Vector]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..expansion import expanded
+from ..representation import Robot
 from ..simulation import simulate
 from ..simulation.backend import Backend, Program, Vector
 from ..simulation.program import whole_program
@@ -25,12 +26,15 @@ class Run:
         voice: Backend's name.
         manner: How it came to its numbers.
         step: Integration step [s]; of an extrapolated one the larger.
-        half: The run at half the step, which serves the extrapolation and the order.
+        half: The run at half the step, which serves the extrapolation, the order, and what a step leaves open.
         t: Times [s], shape (m,).
         tip: Tool centre point in the base [m], shape (m, 3).
         theta, dtheta: Motor side, shape (m, n).
         q_link: Arm side, shape (m, n).
         tau: Torques of the motors, shape (m, n).
+        knocks: Play opened and closed in this run. There a damper's torque jumps, and a step that meets it leaves an
+            error of first order whatever the integrator, another one at every meeting: no smaller step takes it out
+            as smooth equations let it, and no extrapolation.
     """
 
     voice: str
@@ -43,6 +47,7 @@ class Run:
     dtheta: Vector
     q_link: Vector
     tau: Vector
+    knocks: bool = False
 
 
 def run_all(scenario: Scenario, backend: Backend) -> Iterator[Run]:
@@ -56,10 +61,13 @@ def run_all(scenario: Scenario, backend: Backend) -> Iterator[Run]:
     whole = one_run(scenario, backend, step)
     yield whole
     # imposed motion of rigid joints is not integrated
-    if manner != "first" or not scenario.integrated:
+    first = manner == "first" and scenario.integrated
+    if not (first or whole.knocks):
         return
     half = one_run(scenario, backend, step / 2, half=True)
     yield half
+    if not first:
+        return
     yield Run(
         whole.voice,
         "extrapolated",
@@ -76,6 +84,7 @@ def run_all(scenario: Scenario, backend: Backend) -> Iterator[Run]:
                 (half.tau, whole.tau),
             )
         ),
+        knocks=whole.knocks or half.knocks,
     )
 
 
@@ -89,7 +98,8 @@ def refusal(scenario: Scenario, backend: Backend) -> str | None:
 def no_run(like: Run, voice: str) -> Run:
     """The run of an engine that broke down, as another one would have it: no numbers."""
     nothing = np.full_like(like.theta, np.nan)
-    return Run(voice, like.manner, like.step, False, like.t, np.full_like(like.tip, np.nan), *[nothing] * 4)
+    tip = np.full_like(like.tip, np.nan)
+    return Run(voice, like.manner, like.step, False, like.t, tip, nothing, nothing, nothing, nothing)
 
 
 def step_of(scenario: Scenario, backend: Backend) -> float:
@@ -117,4 +127,12 @@ def one_run(scenario: Scenario, backend: Backend, step: float, *, half: bool = F
         trace.joints["dq"],
         trace.joints["q_link"],
         trace.joints["tau"],
+        _knocks(scenario.robot, trace.joints["tau_link"]),
     )
+
+
+def _knocks(robot: Robot, passed: Vector) -> bool:
+    """Whether what a drive with play passes to its arm, shape (m, n), comes, goes or turns round."""
+    played = [stage.drive.spring is not None and stage.drive.spring.gap > 0.0 for stage in robot.stages]
+    sides = np.sign(passed[:, played])
+    return bool(np.any(sides != sides[:1]))

@@ -187,7 +187,11 @@ class Participants(Section):
             }
             for voice in answer.voices
         ]
-        return {"voices": voices, "runs": [(run.title, run.motion, run.duration) for run in runs]}
+        return {
+            "voices": voices,
+            "runs": [(run.title, run.motion, run.duration) for run in runs],
+            "knocking": [run.title for run in runs if run.knocks],
+        }
 
 
 @dataclass(frozen=True, slots=True)

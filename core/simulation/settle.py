@@ -51,7 +51,9 @@ def imposed_start(robot: Robot, engine: Weighed, law: MotionLaw) -> MachineState
     """Sagged under gravity, moving with the motor sides if the motion begins moving."""
     theta, dtheta, _ = (row[0] for row in law.at(np.zeros(1)))
     q = sagged(robot, engine, theta)
-    wobble = [_terms(stage.drive, "error_slope", x, y) for stage, x, y in zip(robot.stages, theta, q, strict=True)]
+    wobble = [
+        terms_at_rest(stage.drive, "error_slope", x, y) for stage, x, y in zip(robot.stages, theta, q, strict=True)
+    ]
     return MachineState(0.0, q, dtheta * (1.0 + np.array(wobble)), theta, dtheta)
 
 
@@ -99,7 +101,7 @@ def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforw
     return _Rest(robot, engine, command + softness * gain * feedforward, softness).found()
 
 
-def _terms(drive: Drive, kind: TermKind, theta: float, q: float) -> float:
+def terms_at_rest(drive: Drive, kind: TermKind, theta: float, q: float) -> float:
     """Sum of a drive's laws of one kind at rest."""
     return sum(
         float(law_function(term.effect, term.law)(term.parameters, 0.0, theta, 0.0, q, 0.0, 0.0))
@@ -159,7 +161,7 @@ class _Rest:
             0.0
             if stage.drive.passive
             else sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
-            - _terms(stage.drive, "arm", x, x)
+            - terms_at_rest(stage.drive, "arm", x, x)
             for stage, x in zip(self.robot.stages, q, strict=True)
         ]
         return self.engine.gravity(q) + np.array(held)
@@ -169,7 +171,9 @@ class _Rest:
         return np.where(np.abs(load) > WEIGHTLESS * weight, np.sign(load), 0.0)
 
     def _stretch(self, q: Vector, theta: Vector) -> Vector:
-        error = [_terms(stage.drive, "error", x, y) for stage, x, y in zip(self.robot.stages, theta, q, strict=True)]
+        error = [
+            terms_at_rest(stage.drive, "error", x, y) for stage, x, y in zip(self.robot.stages, theta, q, strict=True)
+        ]
         return theta + np.array(error) - q
 
     def _motor(self, q: Vector, load: Vector) -> Vector:
@@ -190,7 +194,9 @@ class _Rest:
         def beyond(theta: float) -> float:
             # a rigid joint's arm side is its motor side
             arm = q if drive.spring else theta
-            torque = (1.0 + _terms(drive, "error_slope", theta, arm)) * load + _terms(drive, "resistance", theta, arm)
+            torque = (1.0 + terms_at_rest(drive, "error_slope", theta, arm)) * load + terms_at_rest(
+                drive, "resistance", theta, arm
+            )
             return theta - held + softness * torque
 
         return _root(beyond, held - softness * load, self._restless)
@@ -209,7 +215,9 @@ class _Rest:
                 left[i] = q[i] + give * load[i]
             else:
                 gap = side[i] * drive.spring.gap / 2 if drive.spring else 0.0
-                left[i] = q[i] - theta[i] - _terms(drive, "error", float(theta[i]), float(q[i])) + give * load[i] + gap
+                left[i] = (
+                    q[i] - theta[i] - terms_at_rest(drive, "error", float(theta[i]), float(q[i])) + give * load[i] + gap
+                )
         return left
 
     def _solved(self, side: Vector, loose: Mask) -> Vector:
