@@ -21,6 +21,7 @@ from .diagnosis import (
     Finding,
     HowFar,
     LeftOutSamples,
+    NextExperiment,
     Overlay,
     Parameter,
     Rejected,
@@ -30,6 +31,7 @@ from .diagnosis import (
     Verdict,
     Where,
 )
+from .experiment import design
 from .fit import blocks
 from .model import level_rows, merged, robot_of
 from .noise import noise_floor, significance
@@ -147,6 +149,7 @@ class _Diagnosing:
         if fit is not None:
             found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
         names = [self._alike(state, found, item) for item in found]
+        experiment = self._next(state, found, names)
         verdict = _verdict(found, before.chance, after.chance if after else 1.0)
         effects = rows_of(found)
         return Diagnosis(
@@ -161,7 +164,7 @@ class _Diagnosing:
             rejected=(*dropped, *_rejected(state, found, dropped, names)),
             how_far=how_far,
             unexplained=_unexplained(verdict, before, after or before, how_far),
-            next_experiment=None,
+            next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
             left_out=tuple(
@@ -215,6 +218,18 @@ class _Diagnosing:
     def _alike(self, state: Search, found: Sequence[Found], item: Found) -> tuple[Alike, ...]:
         self.tell(f"what looks like {item.effect} at {item.place}")
         return alike(state, found, item)
+
+    def _next(self, state: Search, found: Sequence[Found], names: Sequence[Sequence[Alike]]) -> NextExperiment | None:
+        """A motion that splits the names of the first finding that has several and can be split."""
+        for item, others in zip(found, names, strict=True):
+            if others:
+                self.tell(f"the experiment that would tell {item.effect} at {item.place} from what looks like it")
+                rest = [other for other in found if other is not item]
+                left = float(np.sqrt(np.mean(state.left**2)))
+                planned = design(state.problem, (item, *(one.found for one in others)), rest, misfit=left)
+                if planned.splits:
+                    return planned.next()
+        return None
 
     def _how_far(
         self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen

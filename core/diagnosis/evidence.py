@@ -8,7 +8,7 @@ through smoothing, differentiation and the controller's gains, is found by sendi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -53,6 +53,8 @@ class Evidence:
         weights: One over the noise of every coefficient.
         masks: Run -> signal -> what counts, shape (m, n) of 0 and 1.
         creeps: Run -> speed below which joints stand.
+        mixes: Run -> for each joint, what part of the coefficients of "tau" goes with those of "u" by noise alone;
+            {} where a run has not both; () for none at all. It is taken out of "u", so that both are known apart.
     """
 
     runs: tuple[Prepared, ...]
@@ -61,11 +63,20 @@ class Evidence:
     weights: Vector
     masks: tuple[dict[str, Vector], ...]
     creeps: tuple[Vector, ...]
+    mixes: tuple[Mapping[int, Vector], ...] = ()
 
     def residual(self, robots: Sequence[Robot]) -> Vector:
         """Measured minus said of these robots, one a run, in units of noise, shape (N,)."""
-        raw = [self._raw(number, robot) for number, robot in enumerate(robots)]
-        return np.concatenate([raw[c.run][c.signal][c.index] for c in self.channels]) * self.weights
+        return self.weighed([self._raw(number, robot) for number, robot in enumerate(robots)])
+
+    def weighed(self, raw: Sequence[Mapping[str, Sequence[Vector]]]) -> Vector:
+        """Coefficients of every run's signals in units of noise, shape (N,)."""
+        return np.concatenate([self._unmixed(raw[c.run], c) for c in self.channels]) * self.weights
+
+    def _unmixed(self, raw: Mapping[str, Sequence[Vector]], channel: Channel) -> Vector:
+        values = raw[channel.signal][channel.index]
+        mix = self.mixes[channel.run].get(channel.index) if self.mixes and channel.signal == "u" else None
+        return values if mix is None else values - mix * raw["tau"][channel.index]
 
     def places(self, chosen: Sequence[int]) -> NDArray[np.int64]:
         """Which coefficients belong to some of the runs."""
@@ -88,6 +99,7 @@ class Evidence:
             self.weights[self.places(kept)],
             tuple(self.masks[k] for k in kept),
             tuple(self.creeps[k] for k in kept),
+            tuple(self.mixes[k] for k in kept) if self.mixes else (),
         )
 
     def _raw(self, number: int, robot: Robot) -> dict[str, list[Vector]]:
@@ -97,14 +109,16 @@ class Evidence:
 
 
 def differences(run: Prepared, speech: Said) -> dict[str, Vector]:
-    """Measured minus said of every signal that a run has, on its grid; "u": against the controller's own torque."""
+    """Measured minus said of every signal that a run has, on its grid.
+
+    "u" is what the controller asks for at the measured motion minus what that motion takes: often it knows the torque
+    better than a torque sensor does.
+    """
     measured = run.measured
     out: dict[str, Vector] = {}
     if "tau" in measured:
         out["tau"] = measured["tau"] - speech.tau
-        if speech.u is not None:
-            out["u"] = measured["tau"] - speech.u
-    elif speech.u is not None:
+    if speech.u is not None:
         out["u"] = speech.u - speech.tau
     for name in ("tau_link", "q_link", "ee"):
         if name in measured:
@@ -137,13 +151,15 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     masks: list[dict[str, Vector]] = []
     channels: list[Channel] = []
     weights: list[Vector] = []
+    mixes: list[dict[int, Vector]] = []
     place = 0
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         speech = said(nominal, run, nominal, creep)
         values = differences(run, speech)
         mask = _masks(run, values, creep)
         masks.append(mask)
-        noise = _noise(run, nominal, values, mask, creep)
+        noise, mix = _noise(run, nominal, values, mask, creep)
+        mixes.append(mix)
         for signal, columns in noise.items():
             for index, sigma in enumerate(columns):
                 if not mask[signal][:, index].any():
@@ -151,7 +167,9 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
                 channels.append(Channel(number, signal, index, place, place + len(sigma)))
                 weights.append(1.0 / sigma)
                 place += len(sigma)
-    return Evidence(ready, tuple(nominals), tuple(channels), np.concatenate(weights), tuple(masks), creeps)
+    return Evidence(
+        ready, tuple(nominals), tuple(channels), np.concatenate(weights), tuple(masks), creeps, tuple(mixes)
+    )
 
 
 def _creep(run: Prepared) -> Vector:
@@ -178,9 +196,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
             mask[motion.any(axis=1)] = 0.0
             if name in run.missing:
                 mask[run.missing[name]] = 0.0
-            if name == "u" and "tau" in run.missing:
-                mask[run.missing["tau"]] = 0.0
-        if name == "tau" or (name == "u" and "tau" not in run.measured):
+        if name in ("tau", "u"):
             mask[unsure] = 0.0
         masks[name] = mask
     return masks
@@ -188,8 +204,8 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
 
 def _noise(
     run: Prepared, nominal: Robot, values: dict[str, Vector], masks: dict[str, Vector], creep: Vector
-) -> dict[str, list[Vector]]:
-    """Standard deviation of every coefficient for a perfect model."""
+) -> tuple[dict[str, list[Vector]], dict[int, Vector]]:
+    """Standard deviation of every coefficient for a perfect model, and what of "tau" is in "u" (see Evidence)."""
     ndimage: Any = import_module("scipy.ndimage")
 
     random = np.random.default_rng(SEED)
@@ -201,18 +217,31 @@ def _noise(
         other = prepared(run.run, run.band, extra)
         changed = differences(other, said(nominal, other, nominal, creep))
         apart = {name: changed[name] - values[name] for name in values}
-        for name, columns in coefficients(run, apart, masks).items():
-            squares = [column**2 / DRAWS for column in columns]
+        parts = coefficients(run, apart, masks)
+        drawn: dict[str, list[Vector]] = {
+            name: [column**2 / DRAWS for column in columns] for name, columns in parts.items()
+        }
+        if "tau" in parts and "u" in parts:
+            drawn["both"] = [a * b / DRAWS for a, b in zip(parts["tau"], parts["u"], strict=True)]
+        for name, columns in drawn.items():
             before = total.get(name)
-            total[name] = squares if before is None else [a + b for a, b in zip(before, squares, strict=True)]
-    out: dict[str, list[Vector]] = {}
-    for name, columns in total.items():
-        out[name] = []
-        for power in columns:
-            span = max(3, int(2 * NEIGHBOURS * len(power)))
-            level = np.asarray(ndimage.uniform_filter1d(power, span, mode="nearest"))
-            out[name].append(np.sqrt(np.maximum(level, 1e-30 + 1e-6 * float(level.max()))))
-    return out
+            total[name] = columns if before is None else [a + b for a, b in zip(before, columns, strict=True)]
+
+    def level(power: Vector) -> Vector:
+        span = max(3, int(2 * NEIGHBOURS * len(power)))
+        return np.asarray(ndimage.uniform_filter1d(power, span, mode="nearest"))
+
+    levels = {name: [level(power) for power in columns] for name, columns in total.items()}
+    mix: dict[int, Vector] = {}
+    for i, both in enumerate(levels.pop("both", [])):
+        if masks["tau"][:, i].any():
+            mix[i] = both / np.maximum(levels["tau"][i], 1e-300)
+            levels["u"][i] = np.maximum(levels["u"][i] - mix[i] * both, 1e-4 * levels["u"][i])
+    sigma = {
+        name: [np.sqrt(np.maximum(power, 1e-30 + 1e-6 * float(power.max()))) for power in columns]
+        for name, columns in levels.items()
+    }
+    return sigma, mix
 
 
 def sample(noise: ChannelNoise, m: int, random: np.random.Generator) -> Vector:

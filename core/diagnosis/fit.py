@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -16,6 +17,8 @@ Vector = NDArray[np.float64]
 
 # misfit is taken to be alike within these bands [Hz] of a channel
 BANDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
+# of the power of what is not understood in a channel, this part may be in any of its bands
+LEAK = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,27 +66,41 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
     return Linear(x * scale, left, float(left @ left + x @ x), 0.5 * float(logdet))
 
 
-def blocks(evidence: Evidence) -> list[tuple[int, int]]:
-    """First and last coefficient of each band of each channel."""
-    out: list[tuple[int, int]] = []
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A band of a channel: coefficients values[first:last]; those of the whole channel are values[begin:end]."""
+
+    first: int
+    last: int
+    begin: int
+    end: int
+
+
+def blocks(evidence: Evidence) -> list[Part]:
+    """Each band of each channel."""
+    out: list[Part] = []
     for channel in evidence.channels:
         run = evidence.runs[channel.run]
         step = 0.5 / (len(run.t) * run.h)
         edges = [channel.first + int(np.ceil(edge / step)) for edge in BANDS[:-1]] + [channel.last]
         for a, b in itertools.pairwise(edges):
-            part = (min(a, channel.last), min(b, channel.last))
-            if part[1] > part[0]:
-                out.append(part)
+            first, last = min(a, channel.last), min(b, channel.last)
+            if last > first:
+                out.append(Part(first, last, channel.first, channel.last))
     return out
 
 
-def spread(left: Vector, parts: list[tuple[int, int]], floor: float = 1.0) -> Vector:
-    """What is left, as a standard deviation of each coefficient, shape (N,): its rms in each band, at least the noise.
+def spread(left: Vector, parts: Sequence[Part]) -> Vector:
+    """What a model may miss, as a standard deviation of each coefficient in units of noise, shape (N,).
 
-    Few coefficients are pulled towards the noise: two of them count as known.
+    At least the noise; at least the rms that is left in the band, of which few coefficients are pulled towards the
+    noise (two of them count as known); and at least LEAK of the power that is left in the whole channel: what is not
+    understood is nowhere understood well, and a quiet band must not be bought at the price of a loud one.
     """
     out = np.empty(len(left))
-    for a, b in parts:
-        square = float(np.sum(left[a:b] ** 2))
-        out[a:b] = np.sqrt(max(floor, (square + 2.0 * floor) / (b - a + 2.0)))
+    for part in parts:
+        square = float(np.sum(left[part.first : part.last] ** 2))
+        level = (square + 2.0) / (part.last - part.first + 2.0)
+        whole = float(np.mean(left[part.begin : part.end] ** 2))
+        out[part.first : part.last] = np.sqrt(max(1.0, level, 1.0 + LEAK * (whole - 1.0)))
     return out

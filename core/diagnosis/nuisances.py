@@ -134,7 +134,7 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
     """Stamps of the torque, the tool's pose or the command that are one sample off the motion's."""
     evidence = problem.evidence
     for signal in ("tau", "tau_link", "q_link", "ee", "command"):
-        parts: dict[tuple[int, str], list[Vector]] = {}
+        parts: list[dict[str, list[Vector]]] = []
         for number, run in enumerate(evidence.runs):
             sample = 1.0 / run.run.rate
             mask = evidence.masks[number]
@@ -144,15 +144,12 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
                     _, dq, ddq = run.run.motion().at(run.t)
                     control = run.run.control
                     rate = np.array(control.kp) * dq + np.array(control.kd) * ddq
-                    # u stands with a minus where torque is measured, with a plus where it is not
-                    change["u"] = rate * sample * (-1.0 if "tau" in run.measured else 1.0)
+                    change["u"] = rate * sample
             elif signal in run.measured:
                 rate = np.gradient(run.measured[signal], run.h, axis=0)
-                for name in ("tau", "u") if signal == "tau" else (signal,):
-                    if name in change:
-                        change[name] = rate * sample
-            for name, columns in coefficients(run, change, mask).items():
-                parts[number, name] = columns
-        column = np.concatenate([parts[c.run, c.signal][c.index] for c in evidence.channels]) * evidence.weights
+                if signal in change:
+                    change[signal] = rate * sample
+            parts.append(coefficients(run, change, mask))
+        column = evidence.weighed(parts)
         if np.any(column):
             yield f"stamps of {signal}", column

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .fit import spread
+from .fit import Part, spread
 from .nuisances import Whitening
 from .problem import Problem, merged
 
@@ -65,7 +65,7 @@ def free_columns(effect: str, row: EffectRow) -> list[str]:
     return out
 
 
-def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: list[tuple[int, int]]) -> Refined:
+def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: Sequence[Part]) -> Refined:
     """Fit all numbers of these findings, from where they are."""
     optimize: Any = import_module("scipy.optimize")
 

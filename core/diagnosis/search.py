@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
-from .fit import Linear, blocks, linear, spread
+from .fit import Linear, Part, blocks, linear, spread
 from .hypotheses import STEP, Hypothesis, Scales, hypotheses, place_of, scales_of
 from .nuisances import Whitening
 from .problem import Problem, Rows, merged
-from .refine import refined
+from .refine import Refined, refined
 
 Vector = NDArray[np.float64]
 
@@ -25,6 +25,10 @@ THRESHOLD = 10.0
 ALIKE = 5.0
 # what a name may leave more than the best one, as part of the gap's energy, and still not be told apart
 ALIKE_SHARE = 0.01
+# names that are fitted with all their numbers free before one is chosen
+MOST_TRIED = 6
+# names that explain the gap alike but for this part of its energy are told apart by likelihood
+SAME_ENERGY = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,7 +130,7 @@ def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | No
     return state
 
 
-def contenders(state: Search, parts: list[tuple[int, int]], skip: Sequence[tuple[str, int]] = ()) -> list[Contender]:
+def contenders(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]] = ()) -> list[Contender]:
     """Every hypothesis beside what was found, by evidence, the best first."""
     problem = state.problem
     rows = rows_of(state.found)
@@ -152,9 +156,7 @@ def contenders(state: Search, parts: list[tuple[int, int]], skip: Sequence[tuple
     return ranked(fits, state.left, parts)
 
 
-def ranked(
-    fits: Sequence[tuple[Hypothesis, Vector, Vector]], left: Vector, parts: list[tuple[int, int]]
-) -> list[Contender]:
+def ranked(fits: Sequence[tuple[Hypothesis, Vector, Vector]], left: Vector, parts: Sequence[Part]) -> list[Contender]:
     """Hypotheses by evidence, judged by the spread that the best of them leaves."""
     if not fits:
         return []
@@ -212,45 +214,45 @@ def _signature(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vecto
     return (r0, slope) if np.all(np.isfinite(slope)) and np.all(np.isfinite(r0)) else None
 
 
-def _refit_best(
-    state: Search, order: list[Contender], parts: list[tuple[int, int]]
-) -> tuple[list[Found], Vector] | None:
+def _refit_best(state: Search, order: list[Contender], parts: Sequence[Part]) -> tuple[list[Found], Vector] | None:
     """The best few with all their numbers free, together with what was found: the one that leaves least."""
-    tried: list[tuple[float, Contender, Mapping[tuple[str, int], EffectRow], Vector]] = []
-    seen: set[tuple[str, int]] = set()
-    best = order[0]
-    for contender in order:
+    good = [contender for contender in order if contender.gain >= THRESHOLD]
+    most = sorted(good, key=lambda contender: -contender.explains)
+    tried: dict[tuple[str, int], tuple[Contender, Refined]] = {}
+    for contender in _few(good, MOST_TRIED // 3) + _few(most, MOST_TRIED):
         key = contender.hypothesis.key
-        if key in seen or len(seen) >= 6 or contender.gain < max(THRESHOLD, 0.5 * best.gain):
-            continue
-        seen.add(key)
         row = contender.hypothesis.rows(contender.beta)
-        if row is None:
+        if key in tried or row is None or len(tried) == MOST_TRIED:
             continue
-        start = [*state.found, Found(*key, row[contender.hypothesis.effect][0], contender.gain)]
-        fit = refined(state.problem, state.whiten, start, parts)
-        tried.append((fit.cost, contender, fit.rows, fit.left))
+        start = [*state.found, Found(*key, row[key[0]][0], contender.gain)]
+        tried[key] = (contender, refined(state.problem, state.whiten, start, parts))
     if not tried:
         return None
-    sigma = spread(min(tried, key=lambda entry: entry[0])[3], parts)
+    sigma = spread(min((fit.left for _, fit in tried.values()), key=_energy), parts)
     null = float(np.sum((state.left / sigma) ** 2))
     scored = [
-        (0.5 * (null - float(np.sum((rest / sigma) ** 2))) - _occam(contender), contender, rows, rest)
-        for _, contender, rows, rest in tried
+        (0.5 * (null - float(np.sum((fit.left / sigma) ** 2))) - _occam(contender), contender, fit)
+        for contender, fit in tried.values()
     ]
     scored.sort(key=lambda entry: (-entry[0], entry[1].hypothesis.key))
-    gain, winner, rows, rest = scored[0]
-    if gain < THRESHOLD:
+    likely = [entry for entry in scored if entry[0] >= THRESHOLD]
+    if not likely:
         return None
-    energy = max(float(state.left @ state.left) - len(state.left), 1e-9)
+    # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones. Of those that
+    # explain as much, the likeliest.
+    least = min(_energy(fit.left) for _, _, fit in likely)
+    margin = SAME_ENERGY * (_energy(state.left) - least)
+    gain, winner, best = next(entry for entry in likely if _energy(entry[2].left) <= least + margin)
+    rows, rest = best.rows, best.left
+    energy = max(_energy(state.left) - len(state.left), 1e-9)
     rivals: dict[tuple[str, int], tuple[str, int, float, float]] = {}
-    refits = {contender.hypothesis.key: (g, r) for g, contender, _, r in scored}
+    refits = {contender.hypothesis.key: (g, fit.left) for g, contender, fit in scored}
     for contender in order:
         key = contender.hypothesis.key
         if key == winner.hypothesis.key or key in rivals:
             continue
         g, r = refits.get(key, (contender.gain, contender.left))
-        more = (float(r @ r) - float(rest @ rest)) / energy
+        more = (_energy(r) - _energy(rest)) / energy
         if gain - g < ALIKE or more < ALIKE_SHARE:
             rivals[key] = (*key, gain - g, more)
     found = [replace(item, row=rows[item.effect, item.at]) for item in state.found]
@@ -259,12 +261,26 @@ def _refit_best(
     return found, rest
 
 
+def _few(order: Sequence[Contender], count: int) -> list[Contender]:
+    """The first form of each of the first few names."""
+    out: dict[tuple[str, int], Contender] = {}
+    for contender in order:
+        if len(out) == count:
+            break
+        out.setdefault(contender.hypothesis.key, contender)
+    return list(out.values())
+
+
+def _energy(left: Vector) -> float:
+    return float(left @ left)
+
+
 def _occam(contender: Contender) -> float:
     """What a hypothesis pays for its numbers, as in the linear fit."""
     return 2.0 * len(contender.beta)
 
 
-def _prune(state: Search, parts: list[tuple[int, int]]) -> None:
+def _prune(state: Search, parts: Sequence[Part]) -> None:
     """Take out again what the others make needless."""
     for item in list(state.found):
         others = [other for other in state.found if other is not item]

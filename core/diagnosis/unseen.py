@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from ..recording import Run
-from .fit import blocks, spread
+from .fit import Part, blocks, spread
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined, refined
@@ -111,7 +111,7 @@ class _Part:
 
     problem: Problem
     whiten: Whitening
-    parts: list[tuple[int, int]]
+    parts: Sequence[Part]
 
     @staticmethod
     def of(problem: Problem, whiten: Whitening, runs: Sequence[int]) -> _Part:
