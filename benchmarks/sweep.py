@@ -30,11 +30,11 @@ import numpy as np
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.kinematics import dynamics, kinematics
+from mbexport.core.parallel import cores
 from mbexport.core.simulation import Program, backend_named
 from mbexport.core.simulation.settle import imposed_start
 from mbexport.core.study import Study, plan_study, run_study
 from mbexport.core.study.figures import figure_names
-from mbexport.core.study.workers import cores
 
 DURATION = 2.0
 PERIOD = 1.0e-3

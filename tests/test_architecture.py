@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parent.parent
 # what stands on what: a part imports parts of lower numbers, and itself
 LEVELS = [
     {"errors"},
-    {"representation", "files", "data_file", "plugins", "rendering"},
+    {"representation", "files", "data_file", "parallel", "plugins", "rendering"},
     {"effects", "kinematics", "shapes"},
     {"database"},
     {"importing", "build", "expansion", "motion"},
@@ -25,7 +25,7 @@ LEVELS = [
     {"simulation"},
     {"export"},
     {"agreement"},
-    {"diagnosis", "conformance", "study"},
+    {"diagnosis", "conformance", "reproduction", "study"},
     {"report", "studio"},
     {"cli"},
 ]

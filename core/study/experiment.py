@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +14,7 @@ from ..database import FrozenMap
 from ..effects import catalogue
 from ..errors import MbexportError, RefusedError, UsageError
 from ..kinematics import kinematics
+from ..simulation import backend_named
 from ..simulation.run import simulate
 from .figures import figures_of
 from .values import Place, with_values
@@ -110,6 +112,15 @@ class Experiment:
             return Outcome(variant, (), "refused", str(error))
         except (MbexportError, ArithmeticError, np.linalg.LinAlgError, RuntimeError) as error:
             return Outcome(variant, (), "refused", str(error) or type(error).__name__)
+
+    def died(self, variant: int, values: Sequence[float] | None) -> Outcome:
+        """What becomes of a variant that its process died of."""
+        return Outcome(variant, (), "crashed", "the process that ran it died.")
+
+    def versions(self) -> dict[str, str]:
+        """Versions that results depend on, on the machine that is asked."""
+        engine = backend_named(self.backend).version()
+        return {"mbexport": version("mbexport"), "numpy": version("numpy"), self.backend: engine}
 
     def _figures(self, values: Sequence[float] | None) -> tuple[float, ...]:
         varied = self._varied(values)

@@ -192,7 +192,7 @@ def test_a_dask_cluster_makes_the_same_bytes(small, tmp_path):
 
 def test_a_cluster_that_is_not_there_is_one_error(small, tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("mbexport.core.study.workers.ANSWER_TIME", 0.3)
+    monkeypatch.setattr("mbexport.core.parallel.ANSWER_TIME", 0.3)
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):
         with pytest.raises(UsageError, match="no Dask scheduler answers"):
             run_study(small(), tmp_path, dask=address)
