@@ -165,7 +165,8 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
 
 def _contact(spring: Spring, motor: float, arm: float) -> Spring:
     """The spring with what it was not given: 500 Hz on the reduced inertia of both sides, damping ratio 0.15."""
-    reduced = motor * arm / (motor + arm)
+    # what has no inertia of its own moves with the other side
+    reduced = motor * arm / (motor + arm) if min(motor, arm) > 0.0 else max(motor, arm)
     k = spring.stiffness if math.isfinite(spring.stiffness) else (2 * math.pi * CONTACT_FREQUENCY) ** 2 * reduced
     b = spring.damping if math.isfinite(spring.damping) else 2 * CONTACT_DAMPING_RATIO * math.sqrt(k * reduced)
     return replace(spring, stiffness=k, damping=b)

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..effects import effect_named
 from .fit import blocks, spread
-from .refine import refined
+from .refine import Refined, refined
 from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders
 
 # how many other names are fitted with all their numbers free
 TRIED = 5
-# a first look that is linear may be off by this much of the gap's energy
-FIRST_LOOK = 0.25
+# a first look by signatures may be off by this much of the gap's energy; of what is linear, this much
+FIRST_LOOK, LINEAR_LOOK = 0.25, 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,34 +45,32 @@ class Alike:
         )
 
 
-def alike(before: Search, found: Sequence[Found], item: Found) -> tuple[Alike, ...]:
+def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> tuple[Alike, ...]:
     """Everything that could stand in a finding's place, the best first.
 
     Args:
         before: The search that found it, with the runs and what was worked out of them.
-        found: All findings, refined.
+        found: All findings.
+        fit: Their joint fit.
         item: The one that is asked about.
     """
     problem, whiten = before.problem, before.whiten
     parts = blocks(problem.evidence)
     others = [other for other in found if other is not item]
-    whole = refined(problem, whiten, found, parts)
-    state = Search(problem, whiten, found=others, signatures=before.signatures, scales=before.scales)
+    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales)
     if others:
-        fit = refined(problem, whiten, others, parts)
-        state.found = [replace(other, row=fit.rows[other.effect, other.at]) for other in others]
-        state.left = fit.left
+        state.take(others, refined(problem, whiten, others, parts))
     else:
-        state.left = whiten(problem.residual({}))
-    sigma = spread(whole.left, parts)
-    best = float(np.sum((whole.left / sigma) ** 2))
-    energy = max(float(state.left @ state.left) - float(whole.left @ whole.left), 1e-9)
-    ranked = contenders(state, parts, [(item.effect, item.at)])
+        state.begin()
+    sigma = spread(fit.left, parts)
+    best = float(np.sum((fit.left / sigma) ** 2))
+    whole = float(fit.left @ fit.left)
+    energy = max(float(state.left @ state.left) - whole, 1e-9)
     near: dict[tuple[str, int], Contender] = {}
-    for contender in ranked:
-        more = (float(contender.left @ contender.left) - float(whole.left @ whole.left)) / energy
+    for contender in contenders(state, parts, [item.key]):
+        more = (float(contender.left @ contender.left) - whole) / energy
         worse = 0.5 * (float(np.sum((contender.left / sigma) ** 2)) - best)
-        if more < FIRST_LOOK or worse < 2.0 * ALIKE:
+        if more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
             near.setdefault(contender.hypothesis.key, contender)
     out: list[Alike] = []
     for contender in list(near.values())[:TRIED]:
@@ -80,12 +78,12 @@ def alike(before: Search, found: Sequence[Found], item: Found) -> tuple[Alike, .
         if rows is None:
             continue
         key = contender.hypothesis.key
-        start = [*state.found, Found(*key, rows[key[0]][0], contender.gain)]
-        fit = refined(problem, whiten, start, parts)
-        worse = 0.5 * (float(np.sum((fit.left / sigma) ** 2)) - best) + _numbers(key[0]) - _numbers(item.effect)
-        leaves = (float(fit.left @ fit.left) - float(whole.left @ whole.left)) / energy
-        if worse < ALIKE or leaves < ALIKE_SHARE:
-            out.append(Alike(Found(*key, fit.rows[key], contender.gain), worse, leaves))
+        other = refined(problem, whiten, [*state.found, Found(*key, rows[key[0]][0], contender.gain)], parts)
+        worse = 0.5 * (float(np.sum((other.left / sigma) ** 2)) - best) + _numbers(key[0]) - _numbers(item.effect)
+        leaves = (float(other.left @ other.left) - whole) / energy
+        # what leaves much less is no other name for it
+        if leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
+            out.append(Alike(Found(*key, other.rows[key], contender.gain), worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
 
 

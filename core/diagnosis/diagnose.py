@@ -148,7 +148,7 @@ class _Diagnosing:
         fit = refined(seen, seen_whiten, found, blocks(seen.evidence)) if found else None
         if fit is not None:
             found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
-        names = [self._alike(state, found, item) for item in found]
+        names = [self._alike(state, found, fit, item) for item in found if fit is not None]
         experiment = self._next(state, found, names)
         verdict = _verdict(found, before.chance, after.chance if after else 1.0)
         effects = rows_of(found)
@@ -215,9 +215,9 @@ class _Diagnosing:
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), tuple(() for _ in ways)), tuple(dropped)
 
-    def _alike(self, state: Search, found: Sequence[Found], item: Found) -> tuple[Alike, ...]:
+    def _alike(self, state: Search, found: Sequence[Found], fit: Refined, item: Found) -> tuple[Alike, ...]:
         self.tell(f"what looks like {item.effect} at {item.place}")
-        return alike(state, found, item)
+        return alike(state, found, fit, item)
 
     def _next(self, state: Search, found: Sequence[Found], names: Sequence[Sequence[Alike]]) -> NextExperiment | None:
         """A motion that splits the names of the first finding that has several and can be split."""

@@ -41,6 +41,7 @@ class Hypothesis:
         scale: What would be a plain amount of each number of beta; the spread of their prior.
         lower: Least value of each.
         alone: At beta = 0 it is as if the effect were not there.
+        curved: Its signature holds near where it starts only.
     """
 
     effect: str
@@ -50,6 +51,7 @@ class Hypothesis:
     scale: Vector
     lower: Vector
     alone: bool = True
+    curved: bool = False
 
     @property
     def place(self) -> str:
@@ -159,7 +161,13 @@ def _defaults(name: str) -> Values:
 
 
 def _added(
-    name: str, at: int, known: Values | None, scale: Mapping[str, float], *, form: str = "", fixed: Values | None = None
+    name: str,
+    at: int,
+    known: Values | None,
+    scale: Mapping[str, float],
+    *,
+    form: str = "",
+    fixed: Values | None = None,
 ) -> Hypothesis:
     """Numbers that add to a row's columns."""
     start = (known or _defaults(name)) | (fixed or {})
@@ -173,7 +181,8 @@ def _added(
         return out
 
     lower = np.array([least[column] - start[column] for column in columns])
-    return Hypothesis(name, at, form, values, np.array(list(scale.values())), lower)
+    # with numbers held that say how it goes, it is one of many forms
+    return Hypothesis(name, at, form, values, np.array(list(scale.values())), lower, curved=bool(fixed))
 
 
 def _torque(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
@@ -232,7 +241,11 @@ def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values |
     def values(beta: Vector) -> Values | None:
         return {"torque": max(largest - float(beta[0]), 1e-9)}
 
-    return [Hypothesis(name, at, "", values, np.array([0.2 * largest]), np.array([-0.05 * largest]), alone=False)]
+    return [
+        Hypothesis(
+            name, at, "", values, np.array([0.2 * largest]), np.array([-0.05 * largest]), alone=False, curved=True
+        )
+    ]
 
 
 def _spring(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
@@ -265,7 +278,9 @@ def _compliance(problem: Problem, scales: Scales, name: str, at: int, known: Val
             return {"stiffness": k, "damping": b}
 
         forms.append(
-            Hypothesis(name, at, f"{size:g}", values, np.array([start]), np.array([-0.9 * start]), alone=False)
+            Hypothesis(
+                name, at, f"{size:g}", values, np.array([start]), np.array([-0.9 * start]), alone=False, curved=True
+            )
         )
     return forms
 
@@ -293,7 +308,7 @@ def _bearing(problem: Problem, scales: Scales, name: str, at: int, known: Values
         return out
 
     scale = np.array([10.0 * give[k] for k in names])
-    return [Hypothesis(name, at, "", values, scale, np.zeros(len(names)))]
+    return [Hypothesis(name, at, "", values, scale, np.zeros(len(names)), curved=True)]
 
 
 def _bend(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
@@ -311,7 +326,7 @@ def _bend(problem: Problem, scales: Scales, name: str, at: int, known: Values | 
                 out["b" + k[1:]] = 2e-3 * out[k]
         return out
 
-    return [Hypothesis(name, at, "", values, np.array([5.0 * give] * 2), np.zeros(2))]
+    return [Hypothesis(name, at, "", values, np.array([5.0 * give] * 2), np.zeros(2), curved=True)]
 
 
 def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
@@ -325,7 +340,14 @@ def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Value
 
         forms.append(
             Hypothesis(
-                name, at, f"{part:g}", values, np.array([part * size]), np.array([-0.9 * part * size]), alone=False
+                name,
+                at,
+                f"{part:g}",
+                values,
+                np.array([part * size]),
+                np.array([-0.9 * part * size]),
+                alone=False,
+                curved=True,
             )
         )
     return forms
@@ -344,7 +366,7 @@ def _loop(problem: Problem, scales: Scales, name: str, at: int, known: Values | 
             f = max(f, 1e-9 * torque)
             return {"torque": f, "stiffness": f / slip, "slips": known["slips"] if known else 8.0}
 
-        forms.append(Hypothesis(name, at, f"{part:g}", values, np.array([torque]), np.zeros(1)))
+        forms.append(Hypothesis(name, at, f"{part:g}", values, np.array([torque]), np.zeros(1), curved=True))
     return forms
 
 
@@ -367,7 +389,8 @@ def _wave(problem: Problem, scales: Scales, name: str, at: int, known: Values | 
             a, b = a0 + float(beta[0]), b0 + float(beta[1])
             return {"amplitude": math.hypot(a, b), "cycles": c, "phase": math.atan2(b, a)}
 
-        forms.append(Hypothesis(name, at, f"{c:.4g}", values, np.array([plain, plain]), np.array([-np.inf, -np.inf])))
+        free = np.array([-np.inf, -np.inf])
+        forms.append(Hypothesis(name, at, f"{c:.4g}", values, np.array([plain, plain]), free, curved=True))
     return forms
 
 

@@ -22,9 +22,13 @@ Vector = NDArray[np.float64]
 
 # numbers that only a form of the effect has, or that no run shows
 _HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("stiffness", "damping")}
-_EVALUATIONS = 40
+# numbers that say how an effect goes, not how much of it there is
+_SHAPES = ("phase", "cycles", "velocity", "rest", "slips")
+_EVALUATIONS = 25
 # of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
 SLOWEST = 2.0
+# part of an arm's mass that may be too much
+LIGHTEST = 0.9
 _FAR = 1.0e3
 
 
@@ -35,16 +39,52 @@ class Refined:
     Attributes:
         rows: (effect, at) -> its row.
         left: What is left, whitened, in units of noise.
-        cost: Its sum of squares over the spread that was assumed.
         free: (effect, at, column) of each number that was fitted.
-        covariance: Of these numbers, SI.
+        covariance: Of these numbers, SI, shape (k, k).
+        slope: Change of what is left with them, shape (N, k).
     """
 
     rows: Mapping[tuple[str, int], EffectRow]
     left: Vector
-    cost: float
     free: tuple[tuple[str, int, str], ...]
     covariance: Vector
+    slope: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Removal:
+    """A fit with one finding taken out, by its covariance.
+
+    Attributes:
+        loss: Log evidence that goes with it.
+        rows: The others, moved to where they then fit best.
+    """
+
+    loss: float
+    rows: Mapping[tuple[str, int], EffectRow]
+
+
+def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
+    """What a joint fit becomes without one finding, as far as it is linear.
+
+    Args:
+        fit: With it.
+        key: Effect and number of its place.
+        absent: Its row where it is as if it were not there.
+    """
+    own = [k for k, (effect, at, name) in enumerate(fit.free) if (effect, at) == key and name not in _SHAPES]
+    other = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) != key]
+    row = fit.rows[key]
+    change = np.array([absent.values[fit.free[k][2]] - row.values[fit.free[k][2]] for k in own])
+    weight = np.linalg.pinv(fit.covariance[np.ix_(own, own)], hermitian=True) @ change
+    moved = fit.covariance[np.ix_(other, own)] @ weight
+    values = {place: dict(one.values) for place, one in fit.rows.items() if place != key}
+    for k, step in zip(other, moved.tolist(), strict=True):
+        effect, at, name = fit.free[k]
+        low, high = _range(effect, name)
+        values[effect, at][name] = min(max(values[effect, at][name] + step, low), high)
+    rows = {place: EffectRow(place[1], one) for place, one in values.items()}
+    return Removal(0.5 * float(change @ weight), rows)
 
 
 def free_columns(effect: str, row: EffectRow) -> list[str]:
@@ -69,7 +109,13 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     """Fit all numbers of these findings, from where they are."""
     optimize: Any = import_module("scipy.optimize")
 
-    free = tuple((item.effect, item.at, name) for item in found for name in free_columns(item.effect, item.row))
+    undamped = all(not run.run.control.kd or not any(run.run.control.kd) for run in problem.evidence.runs)
+    free = tuple(
+        (item.effect, item.at, name)
+        for item in found
+        for name in free_columns(item.effect, item.row)
+        if not (undamped and (item.effect, name) == ("controller_gain", "kd"))
+    )
     start = np.array([_row(found, effect, at).values[name] for effect, at, name in free])
     size = np.array([_size(_row(found, effect, at), effect, name) for effect, at, name in free])
     bounds = [_bounds(problem, effect, at, name) for effect, at, name in free]
@@ -94,6 +140,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
 
     x = np.clip(start / size, low + 1e-12, high)
     sigma = spread(residual(x), parts)
+    sigma_last = sigma
     solution: Any = None
     for _ in range(2):
         solution = optimize.least_squares(
@@ -107,11 +154,13 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
             args=(sigma,),
         )
         x = np.asarray(solution.x)
+        sigma_last = sigma
         sigma = spread(np.asarray(solution.fun) * sigma, parts)
     left = residual(x)
     jacobian = np.asarray(solution.jac)
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.outer(size, size)
-    return Refined(rows_at(x), left, float(np.sum((left / sigma) ** 2)), free, covariance)
+    slope = jacobian * sigma_last[:, None] / size
+    return Refined(rows_at(x), left, free, covariance, slope)
 
 
 def _row(found: Sequence[Found], effect: str, at: int) -> EffectRow:
@@ -127,11 +176,18 @@ def _size(row: EffectRow, effect: str, name: str) -> float:
 
 
 def _bounds(problem: Problem, effect: str, at: int, name: str) -> tuple[float, float]:
-    column = next(c for c in effect_named(effect).columns if c.name == name)
-    if column.name == "phase":
-        return (-np.inf, np.inf)
-    low = max(column.minimum, 1e-12) if column.exclusive else column.minimum
+    low, high = _range(effect, name)
     if (effect, name) == ("stribeck_friction", "velocity"):
         # slower than that a joint counts as standing
         low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))
-    return (low, column.maximum)
+    if (effect, name) == ("link_inertia", "mass"):
+        # an arm has a mass
+        low = max(low, -LIGHTEST * problem.database.inertias[at - 1].mass)
+    return (low, high)
+
+
+def _range(effect: str, name: str) -> tuple[float, float]:
+    column = next(c for c in effect_named(effect).columns if c.name == name)
+    if column.name == "phase":
+        return (-np.inf, np.inf)
+    return (max(column.minimum, 1e-12) if column.exclusive else column.minimum, column.maximum)

@@ -1,4 +1,10 @@
-"""Which effects: all compete, the best is added, all are fitted again, until nothing earns its place."""
+"""Which effects: all compete beside what was found, the largest cause first, until nothing earns its place.
+
+Near where it starts every effect is linear, and its signature is worked out once. A round picks causes by their
+signatures alone, as many as earn their place beside each other; then all of their numbers are fitted together to what
+robots with these effects would really have said, and the next round begins from what is left. Those that the others
+make needless are taken out again.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +16,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
+from ..errors import MbexportError
 from .fit import Linear, Part, blocks, linear, spread
 from .hypotheses import STEP, Hypothesis, Scales, hypotheses, place_of, scales_of
 from .nuisances import Whitening
 from .problem import Problem, Rows, merged
-from .refine import Refined, refined
+from .refine import Refined, refined, removal
 
 Vector = NDArray[np.float64]
 
-MOST_FINDINGS = 6
+# findings beside those that a robot with friction and an unknown rotor inertia in every joint has
+MORE_THAN_USUAL = 6
 # log evidence that a finding needs: some hundreds compete, and a false name is worse than none
 THRESHOLD = 10.0
 # others are names of the same finding where their evidence is so near
 ALIKE = 5.0
 # what a name may leave more than the best one, as part of the gap's energy, and still not be told apart
 ALIKE_SHARE = 0.01
+# what a finding must explain of the energy that is left above noise: where a large part is not understood, small
+# parts of it prove nothing
+LEAST_SHARE = 0.02
 # names that are fitted with all their numbers free before one is chosen
-MOST_TRIED = 6
+MOST_TRIED = 5
 # names that explain the gap alike but for this part of its energy are told apart by likelihood
 SAME_ENERGY = 0.02
+# what is not linear is looked at closely where it explains this part of what the best does
+CLOSE = 0.6
+# every number more must explain this part more
+DEARER = 0.1
+# curved findings with so much evidence need not be taken out on trial
+BEYOND_DOUBT = 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +68,16 @@ class Contender:
     left: Vector
     shows: float
 
+    @property
+    def earns(self) -> bool:
+        """Whether it is more than chance and more than a crumb."""
+        return self.gain >= THRESHOLD and self.explains >= LEAST_SHARE
+
+    @property
+    def worth(self) -> float:
+        """What it explains, less for every number that it needs for that."""
+        return self.explains / (1.0 + DEARER * (len(self.beta) - 1))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
@@ -60,19 +87,24 @@ class Found:
         effect, at: What and where.
         row: Its values.
         gain: Log evidence that it adds to the others.
-        rivals: Others that do as well: (effect, at, gain below the best, share of the energy that it leaves more).
+        absent: Its row where it is as if it were not there; None where no row of finite numbers is that.
     """
 
     effect: str
     at: int
     row: EffectRow
     gain: float
-    rivals: tuple[tuple[str, int, float, float], ...] = ()
+    absent: EffectRow | None = None
 
     @property
     def place(self) -> str:
         """joint_N, arm_N or robot."""
         return place_of(self.effect, self.at)
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """Effect and number of its place."""
+        return (self.effect, self.at)
 
 
 @dataclass(slots=True)
@@ -84,9 +116,10 @@ class Search:
         whiten: Nuisances.
         found: What was found, in order.
         left: What is left, whitened, in units of noise.
+        slope: Its change with the findings' numbers, shape (N, k).
         first: Contenders of the first round, for the map of scores.
         signatures: What was worked out of a hypothesis before: how it begins apart from what is left, and its slope.
-            What was found meanwhile changes them little, and the best are fitted in full.
+            What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
     """
 
@@ -94,11 +127,25 @@ class Search:
     whiten: Whitening
     found: list[Found] = field(default_factory=list[Found])
     left: Vector = field(default_factory=lambda: np.zeros(0))
+    slope: Vector = field(default_factory=lambda: np.zeros((0, 0)))
     first: list[Contender] = field(default_factory=list[Contender])
     signatures: dict[tuple[str, int, str], tuple[Vector, Vector]] = field(
         default_factory=dict[tuple[str, int, str], tuple[Vector, Vector]]
     )
     scales: Scales | None = None
+
+    def begin(self) -> None:
+        """Nothing found."""
+        self.found, self.left = [], self.whiten(self.problem.residual({}))
+        self.slope = np.zeros((len(self.left), 0))
+
+    def take(self, found: Sequence[Found], fit: Refined) -> None:
+        """These findings, as fitted."""
+        self.found = [replace(item, row=fit.rows[item.key]) for item in found]
+        self.left, self.slope = fit.left, fit.slope
+
+
+Fitting = tuple[Hypothesis, Vector, Vector]
 
 
 def rows_of(found: Sequence[Found]) -> Rows:
@@ -112,37 +159,85 @@ def rows_of(found: Sequence[Found]) -> Rows:
 def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | None = None) -> Search:
     """Find the effects."""
     state = Search(problem, whiten)
-    state.left = whiten(problem.residual({}))
+    state.begin()
     parts = blocks(problem.evidence)
-    while len(state.found) < MOST_FINDINGS:
-        ranked = contenders(state, parts)
-        if not state.first:
-            state.first = ranked
-        if not ranked or ranked[0].gain < THRESHOLD:
+    most = 3 * problem.database.n + MORE_THAN_USUAL
+    while len(state.found) < most:
+        before = list(state.found)
+        picked = _picked(state, parts, most - len(before))
+        if not picked:
             break
-        best = _refit_best(state, ranked, parts)
-        if best is None:
-            break
-        state.found, state.left = best
         if tell:
-            tell(f"{state.found[-1].effect} at {state.found[-1].place}")
-    _prune(state, parts)
+            tell(", ".join(f"{item.effect} at {item.place}" for item in picked[:3]))
+        trial = [*before, *picked]
+        fit = refined(problem, whiten, trial, parts)
+        sigma = spread(fit.left, parts)
+        if 0.5 * (_energy(state.left / sigma) - _energy(fit.left / sigma)) < THRESHOLD:
+            break
+        prune(state, trial, fit, parts)
+        if {item.key for item in state.found} <= {item.key for item in before}:
+            break
     return state
+
+
+def _picked(state: Search, parts: Sequence[Part], room: int) -> list[Found]:
+    """Causes that earn their place beside what was found and beside each other, by their signatures."""
+    fits = _fits(state)
+    left, basis = state.left, state.slope
+    picked: list[Found] = []
+    while len(picked) < room:
+        taken = {item.key for item in picked}
+        ranking = ranked([fit for fit in fits if fit[0].key not in taken], left, parts, basis)
+        if not state.first:
+            state.first = ranking
+        good = sorted((one for one in ranking if one.earns), key=lambda one: -one.worth)
+        if not good:
+            break
+        best = _likeliest(good)
+        if any(one.hypothesis.curved for one in good if one.worth >= CLOSE * good[0].worth):
+            if not picked:
+                winner = _tried(state, good, ranking, parts)
+                picked += [winner] if winner else []
+            break
+        row = best.hypothesis.rows(best.beta)
+        if row is None:
+            break
+        picked.append(_found(best, row))
+        slope = next(slope for hypothesis, _, slope in fits if hypothesis is best.hypothesis)
+        left, basis = best.left, np.column_stack([basis, slope])
+    return picked
+
+
+def _likeliest(good: Sequence[Contender]) -> Contender:
+    """Of those that explain as much as the best, the likeliest."""
+    as_much = [one for one in good if one.worth >= good[0].worth - SAME_ENERGY]
+    return max(as_much, key=lambda one: one.gain)
+
+
+def _found(contender: Contender, rows: Rows) -> Found:
+    hypothesis = contender.hypothesis
+    nothing = hypothesis.rows(np.zeros(len(hypothesis.scale))) if hypothesis.alone else None
+    absent = nothing[hypothesis.effect][0] if nothing else None
+    return Found(*hypothesis.key, rows[hypothesis.effect][0], contender.gain, absent)
 
 
 def contenders(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]] = ()) -> list[Contender]:
     """Every hypothesis beside what was found, by evidence, the best first."""
+    return ranked(_fits(state, skip), state.left, parts, state.slope)
+
+
+def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
+    """Every hypothesis beside what was found: what would be left with none of it, and its slope."""
     problem = state.problem
     rows = rows_of(state.found)
-    taken = [(item.effect, item.at) for item in state.found]
     base = problem.residual(rows)
-    fits: list[tuple[Hypothesis, Vector, Vector]] = []
     now = scales_of(problem, rows)
     if state.scales is None:
         state.scales = now
     # amounts stay those of the first round, for which signatures were worked out
     scales = replace(state.scales, residual=now.residual)
-    for hypothesis in hypotheses(problem, rows, scales, [*taken, *skip]):
+    fits: list[Fitting] = []
+    for hypothesis in hypotheses(problem, rows, scales, [*(item.key for item in state.found), *skip]):
         name = (hypothesis.effect, hypothesis.at, hypothesis.form)
         known = state.signatures.get(name)
         if known is None:
@@ -153,21 +248,30 @@ def contenders(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, i
             known = (state.whiten(r0 - base), state.whiten(slope))
             state.signatures[name] = known
         fits.append((hypothesis, state.left + known[0], known[1]))
-    return ranked(fits, state.left, parts)
+    return fits
 
 
-def ranked(fits: Sequence[tuple[Hypothesis, Vector, Vector]], left: Vector, parts: Sequence[Part]) -> list[Contender]:
-    """Hypotheses by evidence, judged by the spread that the best of them leaves."""
+def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: Vector) -> list[Contender]:
+    """Hypotheses by evidence, judged by the spread that the best of them leaves.
+
+    Args:
+        fits: Each with what would be left with none of it, and its slope.
+        left: What is left now, shape (N,).
+        parts: Bands of it.
+        basis: Slopes of what stays free beside them, shape (N, k).
+    """
     if not fits:
         return []
     sigma = spread(left, parts)
     order: list[tuple[float, Hypothesis, Linear, Vector, float]] = []
-    # what is left by the best so far tells what misfit is to be expected; two rounds settle it
-    for _ in range(3):
-        null = float(np.sum((left / sigma) ** 2))
+    # what is left by the best so far tells what misfit is to be expected; a second round settles it
+    for _ in range(2):
+        frame = np.linalg.qr(basis / sigma[:, None])[0] if basis.shape[1] else None
+        null = _energy(_beside(left / sigma, frame))
         order = []
         for hypothesis, r0, slope in fits:
-            fit = linear(r0 / sigma, slope / sigma[:, None], hypothesis.scale, hypothesis.lower)
+            beside = _beside(slope / sigma[:, None], frame)
+            fit = linear(_beside(r0 / sigma, frame), beside, hypothesis.scale, hypothesis.lower)
             gain = 0.5 * (null - fit.cost) - fit.volume
             shows = float(np.linalg.norm(slope * hypothesis.scale))
             order.append((gain, hypothesis, fit, fit.left * sigma, shows))
@@ -175,16 +279,28 @@ def ranked(fits: Sequence[tuple[Hypothesis, Vector, Vector]], left: Vector, part
         if order[0][0] <= 0.0:
             break
         sigma = spread(order[0][3], parts)
-    energy = max(float(left @ left) - len(left), 1e-9)
-    out: list[Contender] = []
-    for gain, hypothesis, fit, rest, shows in order:
-        explains = (float(left @ left) - float(rest @ rest)) / energy
-        out.append(Contender(hypothesis, gain, float(np.clip(explains, 0.0, 1.0)), fit.beta, rest, shows))
-    return out
+    whole = _energy(left)
+    energy = max(whole - len(left), 1e-9)
+    return [
+        Contender(hypothesis, gain, float(np.clip((whole - _energy(rest)) / energy, 0.0, 1.0)), fit.beta, rest, shows)
+        for gain, hypothesis, fit, rest, shows in order
+    ]
+
+
+def _beside(values: Vector, frame: Vector | None) -> Vector:
+    """What of numbers or columns no amount of the others can say."""
+    return values if frame is None else values - frame @ (frame.T @ values)
 
 
 def _signature(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vector) -> tuple[Vector, Vector] | None:
-    """Residual at beta = 0 and its slope, by differences."""
+    """Residual at beta = 0 and its slope, by differences; None where there can be no such robot."""
+    try:
+        return _differences(problem, hypothesis, rows, base)
+    except MbexportError:
+        return None
+
+
+def _differences(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vector) -> tuple[Vector, Vector] | None:
     k = len(hypothesis.scale)
     zero = np.zeros(k)
     if hypothesis.alone:
@@ -198,67 +314,49 @@ def _signature(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vecto
     for j in range(k):
         step = zero.copy()
         step[j] = STEP * hypothesis.scale[j]
-        moved = hypothesis.rows(step)
-        if moved is None:
-            return None
         if hypothesis.effect == "payload" and j:
             # a first moment needs a mass to be one of
             step[0] = STEP * hypothesis.scale[0]
-            moved = hypothesis.rows(step)
-            if moved is None:
-                return None
-            columns.append((problem.residual(merged(rows, moved)) - r0) / step[j] - columns[0] * step[0] / step[j])
-            continue
-        columns.append((problem.residual(merged(rows, moved)) - r0) / step[j])
+        moved = hypothesis.rows(step)
+        if moved is None:
+            return None
+        column = (problem.residual(merged(rows, moved)) - r0) / step[j]
+        columns.append(column - columns[0] * step[0] / step[j] if hypothesis.effect == "payload" and j else column)
     slope = np.column_stack(columns)
     return (r0, slope) if np.all(np.isfinite(slope)) and np.all(np.isfinite(r0)) else None
 
 
-def _refit_best(state: Search, order: list[Contender], parts: Sequence[Part]) -> tuple[list[Found], Vector] | None:
-    """The best few with all their numbers free, together with what was found: the one that leaves least."""
-    good = [contender for contender in order if contender.gain >= THRESHOLD]
-    most = sorted(good, key=lambda contender: -contender.explains)
-    tried: dict[tuple[str, int], tuple[Contender, Refined]] = {}
-    for contender in _few(good, MOST_TRIED // 3) + _few(most, MOST_TRIED):
-        key = contender.hypothesis.key
-        row = contender.hypothesis.rows(contender.beta)
-        if key in tried or row is None or len(tried) == MOST_TRIED:
+def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender], parts: Sequence[Part]) -> Found | None:
+    """The best few with all their numbers free, together with what was found: the one that explains most."""
+    likely = [one for one in order if one.earns]
+    tried: dict[tuple[str, int], tuple[Contender, Found, Refined]] = {}
+    for contender in _few(likely, 2) + _few(good, MOST_TRIED):
+        rows = contender.hypothesis.rows(contender.beta)
+        if contender.hypothesis.key in tried or rows is None or len(tried) == MOST_TRIED:
             continue
-        start = [*state.found, Found(*key, row[key[0]][0], contender.gain)]
-        tried[key] = (contender, refined(state.problem, state.whiten, start, parts))
+        item = _found(contender, rows)
+        fit = refined(state.problem, state.whiten, [*state.found, item], parts)
+        tried[item.key] = (contender, item, fit)
     if not tried:
         return None
-    sigma = spread(min((fit.left for _, fit in tried.values()), key=_energy), parts)
-    null = float(np.sum((state.left / sigma) ** 2))
+    least = min((fit.left for _, _, fit in tried.values()), key=_energy)
+    sigma = spread(least, parts)
+    null = _energy(state.left / sigma)
     scored = [
-        (0.5 * (null - float(np.sum((fit.left / sigma) ** 2))) - _occam(contender), contender, fit)
-        for contender, fit in tried.values()
+        (0.5 * (null - _energy(fit.left / sigma)) - 2.0 * len(contender.beta), contender, item, fit)
+        for contender, item, fit in tried.values()
     ]
-    scored.sort(key=lambda entry: (-entry[0], entry[1].hypothesis.key))
-    likely = [entry for entry in scored if entry[0] >= THRESHOLD]
-    if not likely:
+    earning = [entry for entry in scored if entry[0] >= THRESHOLD]
+    if not earning:
         return None
-    # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones. Of those that
-    # explain as much, the likeliest.
-    least = min(_energy(fit.left) for _, _, fit in likely)
-    margin = SAME_ENERGY * (_energy(state.left) - least)
-    gain, winner, best = next(entry for entry in likely if _energy(entry[2].left) <= least + margin)
-    rows, rest = best.rows, best.left
-    energy = max(_energy(state.left) - len(state.left), 1e-9)
-    rivals: dict[tuple[str, int], tuple[str, int, float, float]] = {}
-    refits = {contender.hypothesis.key: (g, fit.left) for g, contender, fit in scored}
-    for contender in order:
-        key = contender.hypothesis.key
-        if key == winner.hypothesis.key or key in rivals:
-            continue
-        g, r = refits.get(key, (contender.gain, contender.left))
-        more = (_energy(r) - _energy(rest)) / energy
-        if gain - g < ALIKE or more < ALIKE_SHARE:
-            rivals[key] = (*key, gain - g, more)
-    found = [replace(item, row=rows[item.effect, item.at]) for item in state.found]
-    key = winner.hypothesis.key
-    found.append(Found(*key, rows[key], gain, tuple(rivals.values())))
-    return found, rest
+    # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
+    worth = {entry[2].key: _energy(state.left) - _energy(entry[3].left) for entry in earning}
+    for _, contender, item, _ in earning:
+        worth[item.key] /= 1.0 + DEARER * (len(contender.beta) - 1)
+    most = max(worth.values())
+    as_much = [entry for entry in earning if worth[entry[2].key] >= most - SAME_ENERGY * abs(most)]
+    gain, _, item, fit = max(as_much, key=lambda entry: entry[0])
+    return replace(item, row=fit.rows[item.key], gain=gain)
 
 
 def _few(order: Sequence[Contender], count: int) -> list[Contender]:
@@ -275,22 +373,43 @@ def _energy(left: Vector) -> float:
     return float(left @ left)
 
 
-def _occam(contender: Contender) -> float:
-    """What a hypothesis pays for its numbers, as in the linear fit."""
-    return 2.0 * len(contender.beta)
+def prune(state: Search, found: Sequence[Found], fit: Refined, parts: Sequence[Part]) -> None:
+    """Take these findings, but for what the others make needless; say what each adds to the others.
+
+    Args:
+        state: The search.
+        found: Candidates.
+        fit: All of their numbers, fitted.
+        parts: Bands of what is left.
+    """
+    state.take(found, fit)
+    while state.found:
+        losses = [_loss(state, item, fit, parts) for item in state.found]
+        worst = int(np.argmin(losses))
+        if losses[worst] >= THRESHOLD:
+            state.found = [replace(item, gain=loss) for item, loss in zip(state.found, losses, strict=True)]
+            return
+        rest = [item for k, item in enumerate(state.found) if k != worst]
+        if rest:
+            fit = refined(state.problem, state.whiten, rest, parts)
+            state.take(rest, fit)
+        else:
+            state.begin()
 
 
-def _prune(state: Search, parts: Sequence[Part]) -> None:
-    """Take out again what the others make needless."""
-    for item in list(state.found):
-        others = [other for other in state.found if other is not item]
-        if not others:
-            continue
-        fit = refined(state.problem, state.whiten, others, parts)
-        sigma = spread(state.left, parts)
-        loss = 0.5 * (float(np.sum((fit.left / sigma) ** 2)) - float(np.sum((state.left / sigma) ** 2)))
-        if loss < THRESHOLD:
-            state.found = [replace(other, row=fit.rows[other.effect, other.at]) for other in others]
-            state.left = fit.left
-        elif not math.isfinite(loss):
-            raise ArithmeticError(f"{item.effect} at {item.place}: the fit without it is {loss!r}")
+def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> float:
+    """Log evidence that is lost without a finding, its price taken off: by its covariance, or tried."""
+    price = 2.0 * sum(key[:2] == item.key for key in fit.free)
+    if item.absent is not None:
+        return removal(fit, item.key, item.absent).loss - price
+    if item.gain >= BEYOND_DOUBT:
+        return item.gain
+    others = [other for other in state.found if other is not item]
+    rest = refined(state.problem, state.whiten, others, parts).left if others else _nothing(state)
+    sigma = spread(fit.left, parts)
+    loss = 0.5 * (_energy(rest / sigma) - _energy(fit.left / sigma)) - price
+    return loss if math.isfinite(loss) else 0.0
+
+
+def _nothing(state: Search) -> Vector:
+    return state.whiten(state.problem.residual({}))

@@ -14,7 +14,7 @@ from ..recording import Run
 from .fit import Part, blocks, spread
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import Refined, refined
+from .refine import Refined, refined, removal
 from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
@@ -93,14 +93,20 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
         fit = seen.fit(found)
-        rows.append(tuple(fit.rows[item.effect, item.at] for item in found))
-        whole = _with(found, fit)
+        rows.append(tuple(fit.rows[item.key] for item in found))
+        whole = [replace(item, row=fit.rows[item.key]) for item in found]
         left = unseen.left(whole)
         sigma = spread(left, unseen.parts)
-        for k in range(len(found)):
-            others = [item for j, item in enumerate(whole) if j != k]
+        for k, item in enumerate(whole):
+            others = [other for other in whole if other is not item]
             moves[k] += float(np.sum(((unseen.left(others) - left) / sigma) ** 2))
-            rest = unseen.left(_with(others, seen.fit(others)) if others else [])
+            if item.absent is not None:
+                moved = removal(fit, item.key, item.absent).rows
+                others = [replace(other, row=moved[other.key]) for other in others]
+            elif others:
+                refit = seen.fit(others).rows
+                others = [replace(other, row=refit[other.key]) for other in others]
+            rest = unseen.left(others)
             gains[k] += 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2))
     return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(rows))
 
@@ -123,7 +129,3 @@ class _Part:
 
     def left(self, found: Sequence[Found]) -> Vector:
         return self.whiten(self.problem.residual(rows_of(found)))
-
-
-def _with(found: Sequence[Found], fit: Refined) -> list[Found]:
-    return [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
