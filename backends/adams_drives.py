@@ -59,7 +59,8 @@ class DriveLaws:
         self._velocity = robot.friction.velocity
         self._motor = sides.motor
         self._whole = sides.whole
-        self.unsaid: set[str] = set()
+        # what depends on two joints is no law of one
+        self.unsaid = {term.effect for term in self._drive.terms if term.kind == "coupled"}
         self._values = {
             "t": "TIME",
             "theta": sides.motor.position,

@@ -41,7 +41,7 @@ _KERNEL = (
 )
 _LOADED = (drive_law.factorised, drive_law.solved, drive_law.loaded_torques)
 _MOTION = (evaluate.MotionTable, evaluate.motion_at)
-_CONSTANTS = ("LEVEL", "RESISTANCE", "ARM", "ERROR", "ERROR_SLOPE")
+_CONSTANTS = ("LEVEL", "RESISTANCE", "ARM", "ERROR", "ERROR_SLOPE", "COUPLED")
 _LOADED_CONSTANTS = ("LOAD_ITERATIONS", "LOAD_TOLERANCE")
 
 

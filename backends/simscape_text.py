@@ -217,7 +217,8 @@ def _laws(robot: Robot, i: int) -> _Laws:
     values = {name: f"{name}({k})" for name in ("q", "dq", "theta", "dtheta")} | {"t": "t"}
     if drive.spring:
         values["load"] = f"transmitted({k})"
-    unsaid: set[str] = set()
+    # what depends on two joints is no law of one
+    unsaid = {term.effect for term in drive.terms if term.kind == "coupled"}
 
     def terms(kind: str) -> list[str]:
         found = [

@@ -87,6 +87,9 @@ def expanded(robot: Robot, *, imposed: bool) -> Expansion:
     """
     if not any(stage.mount or stage.bend for stage in robot.stages):
         return Expansion(robot, tuple(range(robot.n)))
+    coupled = sorted({t.effect for stage in robot.stages for t in stage.drive.terms if t.kind == "coupled"})
+    if coupled:
+        raise RefusedError(f"{robot.name} has {coupled[0]}, which couples joints that bearings or bends would part.")
     stages: list[Stage] = []
     driven: list[int] = []
     # where the frame of the neutral stage before stands in the last joint of its expansion

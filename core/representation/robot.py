@@ -21,8 +21,8 @@ from .pose import Pose, Vector3
 from .veitschegger_wu import VeitscheggerWu
 
 JointKind = Literal["revolute", "prismatic"]
-TermKind = Literal["level", "resistance", "arm", "error", "error_slope"]
-TERM_KINDS: tuple[TermKind, ...] = ("level", "resistance", "arm", "error", "error_slope")
+TermKind = Literal["level", "resistance", "arm", "error", "error_slope", "coupled"]
+TERM_KINDS: tuple[TermKind, ...] = ("level", "resistance", "arm", "error", "error_slope", "coupled")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +146,9 @@ class Term:
         law: Name of the law within the effect.
         kind: What the law's value is. "level": sticking friction's level, >= 0, motor side [N m or N];
             "resistance": torque against the motor side; "arm": torque on the arm; "error": transmission error e
-            that q follows, theta + e [rad or m]; "error_slope": de/dtheta.
+            that q follows, theta + e [rad or m]; "error_slope": de/dtheta; "coupled": torque against the motion of
+            this joint plus that of the one before it times the first parameter, felt by both (wrists whose motors turn
+            together).
         parameters: Values handed to the law, SI, in its order; at most 8.
     """
 

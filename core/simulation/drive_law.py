@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-LEVEL, RESISTANCE, ARM, ERROR, ERROR_SLOPE = 0, 1, 2, 3, 4
+LEVEL, RESISTANCE, ARM, ERROR, ERROR_SLOPE, COUPLED = 0, 1, 2, 3, 4, 5
 LOAD_ITERATIONS = 200
 LOAD_TOLERANCE = 1.0e-13
 
@@ -172,6 +172,22 @@ def drive_torques(
             resistance += force
         friction[i] = resistance
         on_arm[i] = arm
+    for i in range(1, len(q)):
+        for k in range(table.first[i], table.first[i + 1]):
+            if table.kinds[k] == COUPLED:
+                ratio = table.parameters[k, 0]
+                value = call_law(
+                    table.laws[k],
+                    table.parameters[k],
+                    t,
+                    theta[i] + ratio * theta[i - 1],
+                    dtheta[i] + ratio * dtheta[i - 1],
+                    q[i] + ratio * q[i - 1],
+                    dq[i] + ratio * dq[i - 1],
+                    0.0,
+                )
+                friction[i] += value
+                friction[i - 1] += ratio * value
 
 
 def factorised(matrix: Any) -> None:

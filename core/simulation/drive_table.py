@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .drive_law import ARM, ERROR, ERROR_SLOPE, LEVEL, RESISTANCE, DriveMemory, DriveTable
+from .drive_law import ARM, COUPLED, ERROR, ERROR_SLOPE, LEVEL, RESISTANCE, DriveMemory, DriveTable
 
 
 def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native: Collection[str] = ()) -> DriveTable:
@@ -23,7 +23,14 @@ def drive_table(data: dict[str, Any], law_of: Callable[[str, str], Any], native:
     friction = data["friction"]
     terms = [term for joint in joints for term in joint["terms"]]
     slips = [slip for joint in joints for slip in joint["slips"]]
-    kinds = {"level": LEVEL, "resistance": RESISTANCE, "arm": ARM, "error": ERROR, "error_slope": ERROR_SLOPE}
+    kinds = {
+        "level": LEVEL,
+        "resistance": RESISTANCE,
+        "arm": ARM,
+        "error": ERROR,
+        "error_slope": ERROR_SLOPE,
+        "coupled": COUPLED,
+    }
     parameters = np.zeros((len(terms), 8))
     for row, term in zip(parameters, terms, strict=True):
         row[: len(term["parameters"])] = term["parameters"]

@@ -47,7 +47,11 @@ def everything():
         stick=bristle(6.0, 2.0),
         gain=0.9,
     )
-    rigid = Drive(inertia=0.5, terms=(coulomb(1.0),), arm_springs=(ArmSpring(9.0, 0.2),), stick=bristle(1.0, 0.5))
+    # what a law of one joint says of the motion of two
+    together = Term("torque_ripple", "resistance", "coupled", (0.5, 12.0, 0.1))
+    rigid = Drive(
+        inertia=0.5, terms=(coulomb(1.0), together), arm_springs=(ArmSpring(9.0, 0.2),), stick=bristle(1.0, 0.5)
+    )
     return sheet(elastic, rigid)
 
 
@@ -71,6 +75,21 @@ def test_text_and_compiled_text_give_the_same_bits():
             np.testing.assert_allclose(mine, compiled, rtol=1e-15, atol=1e-15)
         np.testing.assert_allclose(stick, drives.stick_anchor, rtol=1e-15)
         np.testing.assert_allclose(slip, drives.slip_anchor, rtol=1e-15)
+
+
+def test_a_coupled_term_is_felt_by_both_joints_and_takes_no_more_than_its_power():
+    ratio, cycles = -0.6, 3.0
+    alone = sheet(Drive(), Drive())
+    coupled = sheet(Drive(), Drive(terms=(Term("torque_ripple", "resistance", "coupled", (ratio, cycles, 0.2)),)))
+    q, dq = np.array([0.3, -0.8]), np.array([1.1, 0.7])
+    friction = []
+    for drives in (Drives(alone), Drives(coupled)):
+        drives.evaluate(0.0, q, dq, q, dq)
+        friction.append(drives.friction.copy())
+    value = ratio * math.sin(cycles * (q[1] + ratio * q[0]) + 0.2)
+    assert friction[0].tolist() == [0.0, 0.0]
+    np.testing.assert_allclose(friction[1], [ratio * value, value], rtol=1e-14)
+    assert friction[1] @ dq == pytest.approx(value * (dq[1] + ratio * dq[0]), rel=1e-14)
 
 
 def test_the_sheet_survives_its_json():
