@@ -1,4 +1,4 @@
-"""A printed cycloidal actuator, output clamped, torque ramped up and down: play (+-4 N m) and stiffness (+-40 N m), as runs.
+"""Printed cycloidal actuator, clamped, torque ramped up and down: play (+-4 N m) and stiffness (+-40 N m), as runs.
 
     python cycloidal_actuator.py LOG OUT
 
@@ -49,10 +49,9 @@ def convert(log: Path, out: Path) -> None:
         log: A torqueramp file, .csv or .csv.gz.
         out: Gets robot and runs.
     """
-    opened = gzip.open(log, "rt", encoding="utf-8") if log.suffix == ".gz" else log.open(encoding="utf-8")
-    with opened as file:
-        rows = [[float(row[name]) for name in COLUMNS] for row in csv.DictReader(file)]
-    table = np.array(rows)
+    text = gzip.decompress(log.read_bytes()) if log.suffix == ".gz" else log.read_bytes()
+    lines = csv.DictReader(text.decode("utf-8").splitlines())
+    table = np.array([[float(row[name]) for name in COLUMNS] for row in lines])
     (out / "robot").mkdir(parents=True, exist_ok=True)
     for name, text in ROBOT.items():
         (out / "robot" / name).write_text(text, encoding="utf-8")

@@ -2,9 +2,9 @@
 
     python franka_panda.py DATA OUT
 
-The file's stamps are those of the computer that wrote it, up to some milliseconds off, and of its rows every sixteenth is
-the one before it again. The robot's clock ticks once a millisecond: how many ticks lie between two rows follows from how
-far the joints went at their measured speeds, and is a whole number to a tenth in all but two rows of 10,000.
+The file's stamps are those of the computer that wrote it, up to some milliseconds off, and every sixteenth of its rows
+is the one before it again. The robot's clock ticks once a millisecond: how many ticks lie between two rows follows from
+how far the joints went at their measured speeds, a whole number to a tenth in all but one row of 10,000.
 
 Torques are those of sensors behind the gears. Friction is in them all the same, that of what turns behind the sensor,
 so they are `tau` here: as `tau_link` no friction could be found in them.

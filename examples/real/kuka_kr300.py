@@ -2,9 +2,9 @@
 
     python kuka_kr300.py DATA OUT
 
-Angles start at 0 in a pose where axes 2 and 3 stand at -90 and 90 degrees of the robot's model. Torques are those of the
-motors, and times the gear ratios in log.yaml. The second encoder is read 3.0 ms late on every axis; log.yaml says so,
-for otherwise the gears look soft. Its zero is not the motor's: here they agree where a run begins.
+Angles start at 0 in a pose where axes 2 and 3 stand at -90 and 90 degrees of the robot's model. Torques are the motors'
+own, and times the gear ratios in log.yaml. The second encoder is read 3.0 ms late on every axis; log.yaml says so, for
+otherwise the gears look soft. Its zero is not the motor's: here they agree where a run begins.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python servo_pendulums.py DATA OUT
 
-OUT gets a folder a servo: its robot, and a run a log. The servos' own controller makes a share of the supply's voltage
-out of the position's error; what its motor makes of a volt at standstill is in its data sheet. What the speed takes from
+OUT gets a folder a servo: its robot, and a run a log. A servo's own controller makes a share of the supply's voltage
+out of the position's error; what its motor makes of a volt at standstill is in its data sheet. What speed takes from
 that (back EMF) is viscous friction here. The XL330 reports the share (`load`), so that its torque is known too.
 Logs in which the motor is switched off on the way are left out.
 """
