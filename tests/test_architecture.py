@@ -26,6 +26,7 @@ LEVELS = [
     {"export"},
     {"agreement"},
     {"diagnosis", "conformance", "reproduction", "study"},
+    {"fleet"},
     {"report", "studio"},
     {"cli"},
 ]
