@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..database import Database, with_effects
 from ..effects import effect_named
 from ..recording import Run
+from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
 from . import how_far as farness
 from .alike import Alike, alike
@@ -157,7 +158,7 @@ class _Diagnosing:
             verdict=verdict,
             where=before.where,
             which=tuple(
-                _finding(item, gain, fit, others)
+                _finding(item, self._kind(item), gain, fit, others)
                 for item, gain, others in zip(found, unseen.gains, names, strict=True)
                 if fit is not None
             ),
@@ -176,8 +177,12 @@ class _Diagnosing:
             corrected=with_effects(self.database, merged(self.database.effects, effects)),
             notes=tuple(notes),
             scores=_scores(state, found),
-            overlays=overlays,
+            overlays=tuple(_drawable(overlay) for overlay in overlays),
         )
+
+    def _kind(self, item: Found) -> JointKind:
+        """Of the joint that a finding is at; what is at arms and robots has one unit for both."""
+        return self.database.joints[max(item.at, 1) - 1].kind
 
     def _in_time(self, run: Run, notes: list[str]) -> Run:
         """The run with its stamps put right, if they are off, after the suspects that are no physics were tried."""
@@ -254,6 +259,21 @@ class _Diagnosing:
         return answer, overlays, _Gap(where(left, noises, judged_runs, robot), significance(left, noises))
 
 
+def _drawable(overlay: Overlay) -> Overlay:
+    """An overlay without orientations, which are no curves over time."""
+
+    def curves(signals: Mapping[str, Vector]) -> dict[str, Vector]:
+        return {name: values for name, values in signals.items() if name != "ee_rot"}
+
+    return replace(
+        overlay,
+        measured=curves(overlay.measured),
+        before=curves(overlay.before),
+        after=curves(overlay.after),
+        noise=curves(overlay.noise),
+    )
+
+
 def _idle(found: Sequence[Found], how_far: HowFar) -> Found | None:
     """The finding without which the simulation does better on runs that no fit saw; None where there is none."""
     total = how_far.shrinks_by
@@ -277,9 +297,9 @@ def _verdict(found: Sequence[Found], before: float, after: float) -> Verdict:
     return "no_gap" if before >= LEVEL else "unexplained"
 
 
-def _finding(item: Found, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:
+def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:
     """A finding with its numbers' intervals."""
-    units = {column.name: column.unit for column in effect_named(item.effect).columns}
+    units = {column.name: column.unit_for(kind) for column in effect_named(item.effect).columns}
     parameters: dict[str, Parameter] = {}
     for k, (effect, at, name) in enumerate(fit.free):
         if (effect, at) == (item.effect, item.at):

@@ -40,6 +40,8 @@ LEAST_SHARE = 0.02
 MOST_TRIED = 5
 # names that explain the gap alike but for this part of its energy are told apart by likelihood
 SAME_ENERGY = 0.02
+# of those that differ by no more than this part of it, the simplest is taken: laws are never as exact as that
+SIMPLER = 0.002
 # what is not linear is looked at closely where it explains this part of what the best does
 CLOSE = 0.6
 # every number more must explain this part more
@@ -209,9 +211,11 @@ def _picked(state: Search, parts: Sequence[Part], room: int) -> list[Found]:
 
 
 def _likeliest(good: Sequence[Contender]) -> Contender:
-    """Of those that explain as much as the best, the likeliest."""
+    """Of those that explain as much as the best, the likeliest; of those that are as likely, the simplest."""
     as_much = [one for one in good if one.worth >= good[0].worth - SAME_ENERGY]
-    return max(as_much, key=lambda one: one.gain)
+    best = max(as_much, key=lambda one: one.gain)
+    same = (one for one in as_much if one.gain > best.gain - ALIKE or one.explains > best.explains - SIMPLER)
+    return min(same, key=lambda one: (len(one.beta), -one.gain))
 
 
 def _found(contender: Contender, rows: Rows) -> Found:
@@ -355,7 +359,14 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
         worth[item.key] /= 1.0 + DEARER * (len(contender.beta) - 1)
     most = max(worth.values())
     as_much = [entry for entry in earning if worth[entry[2].key] >= most - SAME_ENERGY * abs(most)]
-    gain, _, item, fit = max(as_much, key=lambda entry: entry[0])
+    best = max(as_much, key=lambda entry: entry[0])
+    margin = SIMPLER * (_energy(state.left) - _energy(best[3].left))
+    same = (
+        entry
+        for entry in as_much
+        if entry[0] > best[0] - ALIKE or _energy(entry[3].left) < _energy(best[3].left) + margin
+    )
+    gain, _, item, fit = min(same, key=lambda entry: (len(entry[3].free), -entry[0]))
     return replace(item, row=fit.rows[item.key], gain=gain)
 
 

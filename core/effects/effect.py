@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
-from ..representation import Drive, Robot, Stage, Term, TermKind
+from ..representation import Drive, JointKind, Robot, Stage, Term, TermKind
 
 LawFunction = Callable[[Any, float, float, float, float, float, float], float]
 """law(p, t, theta, dtheta, q, dq, load) -> value. p: the term's parameters, indexable, SI; t [s]; theta, dtheta: motor
@@ -44,6 +44,10 @@ class Column:
     maximum: float = math.inf
     exclusive: bool = False
     infinite: bool = False
+
+    def unit_for(self, kind: JointKind) -> str:
+        """The unit at a revolute or a prismatic joint."""
+        return self.unit.split("|")[-1 if kind == "prismatic" else 0]
 
 
 @dataclass(frozen=True, slots=True)

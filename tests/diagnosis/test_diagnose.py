@@ -1,0 +1,70 @@
+"""The whole diagnosis: on a pendulum that nothing of the package moves."""
+
+import json
+
+import numpy as np
+import pytest
+
+import mbexport
+from mbexport.core.diagnosis.unseen import in_parts, splits
+
+from .pendulums import pendulum_run
+
+
+def runs(against=None, seeds=(1, 2), **options):
+    return [pendulum_run(seed=seed, **({"against": against} if against else {}), **options) for seed in seeds]
+
+
+def test_no_gap_where_there_is_none():
+    answer = mbexport.diagnose("pendulum", runs(), level="rigid", backends=[])
+    assert answer.verdict == "no_gap"
+    assert answer.which == ()
+    assert answer.effects == {}
+
+
+def test_a_missing_friction_is_named_measured_and_shown_to_close_the_gap():
+    answer = mbexport.diagnose("pendulum", runs(lambda t, q, dq: 0.4 * dq), level="rigid", backends=["urdf"])
+    assert answer.verdict == "explained"
+    (found,) = answer.which
+    assert (found.effect, found.at) == ("viscous_friction", "joint_1")
+    low, high = found.parameters["coefficient"].ci95
+    assert low < 0.4 < high
+    assert high - low < 0.02
+    assert found.parameters["coefficient"].unit == "N*m*s/rad"
+    assert answer.how_far.shrinks_by > 0.97
+    assert answer.how_far.backends["urdf"] > 0.97
+    assert answer.how_far.without["viscous_friction joint_1"] == pytest.approx(0.0, abs=1e-12)
+    json.dumps(answer.to_json(), allow_nan=False)
+    corrected = answer.corrected.effects["viscous_friction"]
+    assert corrected[0].values["coefficient"] == found.parameters["coefficient"].value
+
+
+def test_what_is_in_no_catalogue_is_not_explained():
+    # a torque that grows with time, such as no effect makes
+    answer = mbexport.diagnose(
+        "pendulum", runs(lambda t, q, dq: 0.8 * np.sin(11.0 * t) * t), level="rigid", backends=[]
+    )
+    assert answer.verdict in ("unexplained", "partly_explained")
+    assert answer.unexplained.share > 0.3
+
+
+def test_one_run_is_judged_in_parts():
+    (run,) = runs(seeds=(3,))
+    parts = in_parts(run)
+    assert len(parts) == 3
+    assert sum(len(part.t) for part in parts) == len(run.t)
+    assert all(part.t[0] == 0.0 for part in parts)
+    assert np.array_equal(np.concatenate([part.signals["q"] for part in parts]), run.signals["q"])
+
+
+def test_every_run_is_left_out_once():
+    ways = splits(3, 0)
+    assert sorted(k for way in ways for k in way.unseen) == [0, 1, 2]
+    assert all(not set(way.seen) & set(way.unseen) for way in ways)
+    assert splits(3, 1)[0].unseen == (2,)
+
+
+def test_a_run_cannot_judge_itself():
+    (run,) = runs(seeds=(1,))
+    with pytest.raises(mbexport.UsageError, match="held out"):
+        mbexport.diagnose("pendulum", [run], [run])
