@@ -17,7 +17,7 @@ Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 
 DEFAULT_RATE = 1000.0
 HIGHEST_RATE = 1.0e6
-_CHANNELS = ("q", "dq", "q_link", "tau", "ee", "ee_rot")
+_CHANNELS = ("q", "dq", "q_link", "tau", "ee", "ee_rot", "tau_link")
 _KEYS = ("mode", "kp", "kd", "feedforward", "rate", "torque_limit")
 
 

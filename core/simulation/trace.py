@@ -49,13 +49,13 @@ class Trace:
         """The same run with white Gaussian noise on what sensors report.
 
         Args:
-            sigma: Signal (q, dq, q_link, tau, ee [m], ee_rot [rad]) to standard deviations, one a joint (ee's: one).
+            sigma: Signal (q, dq, q_link, tau, tau_link, ee [m], ee_rot [rad]) to standard deviations, one a joint (ee's: one).
             seed: The same seed gives the same noise.
         """
         from scipy.spatial.transform import Rotation
 
         joints, tool = dict(self.joints), self.tool_in_base.copy()
-        for number, signal in enumerate(("q", "dq", "q_link", "tau", "ee", "ee_rot")):
+        for number, signal in enumerate(("q", "dq", "q_link", "tau", "ee", "ee_rot", "tau_link")):
             if signal not in sigma:
                 continue
             # a stream a channel: noise on one does not change another's
