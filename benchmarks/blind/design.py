@@ -12,6 +12,7 @@ from bodies import build_chain, inverse_dynamics
 from motions import command
 from world import (
     CATALOGUE,
+    OTHER_FRICTION,
     World,
     home_inertia,
     quickness,
@@ -407,8 +408,6 @@ def maker(rng: np.random.Generator, judge: Judge, name: str, at: int, form: int)
         return lambda s: one({"coefficient": s * 4.0 * fv[i]}, {"bend": 0.4 / max(fast[i], 0.05)})
     if name == "stribeck_friction":
         vs = float(u(0.05, 0.2)) * max(fast[i], 0.02)
-        if form and "coulomb_friction" not in recipe["database"]:
-            return None
         return lambda s: one({"torque": s * 2.0 * fc[i], "velocity": vs}, {"exponent": 1.0})
     if name == "load_friction":
         return lambda s: one({"coefficient": 0.4 * s}, {"asymmetry": 0.15})
@@ -689,8 +688,7 @@ def with_single(rng: np.random.Generator, recipe: dict, name: str, strength: str
     n = robot_named(recipe["robot"]).n
     at = place_of(rng, name, n)
     form = int(name in HAS_OTHER_FORM and rng.random() < 0.6)
-    prepare(rng, recipe, name, at)
-    if name == "rotor_inertia":
+    if prepare(rng, recipe, name, at, form):
         judge = Judge(recipe)
     if not judge.held([], judge.calm):
         return None
@@ -702,10 +700,17 @@ def with_single(rng: np.random.Generator, recipe: dict, name: str, strength: str
     return recipe
 
 
-def prepare(rng: np.random.Generator, recipe: dict, name: str, at: int) -> None:
-    """A missing rotor is missing in the database too, half of the time."""
+def prepare(rng: np.random.Generator, recipe: dict, name: str, at: int, form: int) -> bool:
+    """Take rows out of the database that the effect stands for; whether its robot became another one.
+
+    A missing rotor is missing in the database too, half of the time. Friction of another form has bristles of its own,
+    which what the database has of friction would take over: none is there.
+    """
     if name == "rotor_inertia" and rng.random() < 0.5:
-        recipe["database"]["rotor_inertia"].pop(str(at), None)
+        return recipe["database"]["rotor_inertia"].pop(str(at), None) is not None
+    if name in OTHER_FRICTION and form:
+        return recipe["database"].get("coulomb_friction", {}).pop(str(at), None) is not None
+    return False
 
 
 def with_several(rng: np.random.Generator, recipe: dict, count: int, index: int) -> dict | None:
@@ -729,6 +734,8 @@ def with_several(rng: np.random.Generator, recipe: dict, count: int, index: int)
         if clash or not allowed(recipe, name):
             continue
         form = int(name in HAS_OTHER_FORM and rng.random() < 0.5)
+        if name in OTHER_FRICTION and str(at) in recipe["database"].get("coulomb_friction", {}):
+            form = 0
         make = maker(rng, judge, name, at, form)
         found = sized(judge, make, float(rng.choice([20.0, 10.0, 6.0]))) if make else None
         if found is None:

@@ -95,14 +95,14 @@ def moves(rng, t, low, high, fastest, hardest) -> np.ndarray:
     return y
 
 
-def through(samples: np.ndarray) -> Command:
-    """Quintics through positions, speeds and accelerations (3, m, n) at the knots."""
+def through(samples: np.ndarray, spacing: float = SPACING) -> Command:
+    """Quintics through positions, speeds and accelerations (3, m, n) at knots `spacing` seconds apart."""
     (q0, v0, a0), (q1, v1, a1) = samples[:, :-1], samples[:, 1:]
-    h = SPACING
+    h = spacing
     d = q1 - q0 - h * v0 - 0.5 * h * h * a0
     e = v1 - v0 - h * a0
     f = a1 - a0
     c3 = (10 * d - 4 * h * e + 0.5 * h * h * f) / h**3
     c4 = (-15 * d + 7 * h * e - h * h * f) / h**4
     c5 = (6 * d - 3 * h * e + 0.5 * h * h * f) / h**5
-    return Command(SPACING, np.ascontiguousarray(np.stack([q0, v0, 0.5 * a0, c3, c4, c5], axis=-1)))
+    return Command(spacing, np.ascontiguousarray(np.stack([q0, v0, 0.5 * a0, c3, c4, c5], axis=-1)))

@@ -176,7 +176,7 @@ def add_effect(world: World, effect: dict) -> None:
     EFFECTS[name](world, i, p)
 
 
-OTHER_FRICTION = ("coulomb_friction", "stribeck_friction", "load_friction")
+OTHER_FRICTION = ("coulomb_friction", "load_friction")
 
 
 def compliance(world: World, i: int, p: dict) -> None:
