@@ -145,6 +145,11 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
                 f"({dummy_inertia!r} of the arm's diagonal mass-matrix entry at home)"
             )
         if drive.spring and math.isinf(drive.spring.stiffness + drive.spring.damping):
+            if not drive.inertia * arm_inertia > 0.0:
+                raise UsageError(
+                    f"{stage.joint.name}: a contact needs inertia on both sides to have a stiffness, and there are "
+                    f"{drive.inertia!r} and {arm_inertia!r}; state its stiffness and damping, or the inertia."
+                )
             spring = _contact(drive.spring, drive.inertia, arm_inertia)
             drive = replace(drive, spring=spring)
             notes.append(

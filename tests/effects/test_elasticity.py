@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import mbexport
 from mbexport.core.control import Control
 from mbexport.core.errors import RefusedError, UsageError
 from mbexport.core.expansion import expanded
@@ -393,3 +394,14 @@ def test_an_arm_without_length_cannot_bend(robot_with):
     stage = replace(robot.stages[0], arm=replace(robot.stages[0].arm, link=link))
     with pytest.raises(RefusedError, match="arm_1 is 5e-07 m long, too short to bend"):
         expanded(replace(robot, stages=(stage, *robot.stages[1:])), imposed=True)
+
+
+def test_a_contact_on_an_arm_without_inertia_is_refused_by_name(tmp_path):
+    """Published arms may have none; what stiffness a contact has by itself nobody can say there."""
+    (tmp_path / "effects").mkdir()
+    (tmp_path / "robot.yaml").write_text("name: point\ninertia_check: warn\n")
+    (tmp_path / "kinematics.dat").write_text("arm alpha a theta d\n1 0 0 0 0.1\n")
+    (tmp_path / "inertia.dat").write_text("arm mass x y z Ixx Iyy Izz\n1 1 0 0 0 0 0 0\n")
+    (tmp_path / "effects" / "backlash.dat").write_text("joint gap\n1 0.01\n")
+    with pytest.raises(mbexport.UsageError, match="joint_1: a contact needs inertia on both sides"):
+        mbexport.build(mbexport.load(tmp_path))
