@@ -191,6 +191,8 @@ _ARGUMENTS = {
     "robot": "A database: a folder, a YAML file, or the name of a built-in robot.",
     "file": "A URDF or MJCF file.",
     "what": "What to list; all of it where nothing is said.",
+    "runs": "Recorded runs: a run's folder or data file each, or a folder of runs.",
+    "folder": "A folder of robots and their runs.",
 }
 
 

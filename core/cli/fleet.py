@@ -13,8 +13,6 @@ EXAMPLE = """\b
 Examples:
   mbexport fleet robots/ -o fleet
   mbexport fleet robots/ -o fleet --backends mjcf --dask tcp://host:8786
-A fleet is a folder of cases, each with runs/ and robot/ (or robot.yaml) and, if some runs are to be held out, holdout/;
-a robot/ beside the cases counts for those that have none.
 """
 
 
@@ -47,7 +45,8 @@ def command(
 ) -> None:
     """Diagnose many robots, each as `diagnose` does, and say what they have in common.
 
-    Writes a folder a case, cases.csv, findings.csv and report.html. A fleet that was stopped goes on where it was: give
+    DIR holds a folder a case: runs/, robot/ (or robot.yaml; one beside the cases counts for those that have none), and
+    holdout/ where some runs are to be held out. Writes a folder a case, cases.csv, findings.csv and report.html. A fleet that was stopped goes on where it was: give
     the same command again. Exit status 1: no case could be diagnosed.
     """
     from ..fleet import cases_in, fleet_of, plan_fleet, run_fleet
