@@ -82,3 +82,11 @@ def test_an_outside_effect_is_listed(thermal):
     (row,) = [row for row in rows if row["name"] == "thermal_friction"]
     assert row["distribution"] == "mbexport-thermal-friction 0.1.0"
     assert "softening[K]" in row["columns"]
+
+
+def test_outside_effects_of_two_joints_pass_their_own_tests(installed, run_pytest):
+    """In one engine; the others by pytest in the example's own folder."""
+    wrist = installed("mbexport-coupled-wrist")
+    done = run_pytest(Path(wrist["SOURCE"]), "tests", "-k", "not urdf and not exudyn and not pybullet", env=wrist)
+    assert done.returncode == 0, done.stdout[-5000:]
+    assert "5 passed" in done.stdout
