@@ -24,7 +24,7 @@ LEVELS = [
     {"recording"},
     {"simulation"},
     {"export"},
-    {"agreement"},
+    {"agreement", "cosimulation"},
     {"diagnosis", "conformance", "reproduction", "study"},
     {"fleet"},
     {"report", "studio"},

@@ -17,6 +17,7 @@ VERBS = {
     "check": "All that is wrong or suspicious in a database.",
     "import": "Make a database from a URDF or an MJCF model.",
     "simulate": "Run a robot in one engine and write the run.",
+    "cosimulate": "Couple controller and robot, a solver each: what their communication step costs.",
     "agree": "Prove that all engines run the same robot.",
     "diagnose": "Say where the gap to recorded runs lies, which effect causes it, how far it shrinks with it.",
     "sweep": "Run many variants of a robot: what the tip's error owes to which parameter.",
