@@ -203,7 +203,8 @@ def _result(case: str, folder: Path) -> Result:
         robot=said["robot"],
         verdict=said["verdict"],
         found=tuple(_found(item) for item in said["which"]),
-        joint=(most, shares[most]) if most and shares[most] > 0.0 else ("", 0.0),
+        # where there is no gap, shares are those of noise
+        joint=(most, shares[most]) if most and shares[most] > 0.0 and said["verdict"] != "no_gap" else ("", 0.0),
         shrinks_by=None if by is None or ends is None else (by, ends[0], ends[1]),
         unexplained=float(said["unexplained"]["share"]),
         next_experiment="" if following is None else following["why"],
