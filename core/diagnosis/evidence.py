@@ -28,6 +28,8 @@ DRAWS = 4
 NEIGHBOURS = 0.04
 # a joint stands below this part of its own highest speed
 CREEP = 0.01
+# a joint that stands for so long rests [s]
+REST = 0.05
 SEED = 20131115
 
 
@@ -182,9 +184,16 @@ def _creep(run: Prepared) -> Vector:
 def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str, Vector]:
     """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
+    ndimage: Any = import_module("scipy.ndimage")
     stands = np.abs(run.dq) < creep
+    turns = np.zeros_like(stands)
+    turns[1:] = np.diff(np.signbit(run.dq), axis=0)
+    # when it turns is known as well as the band tells times apart; a rest ends with a jerk, which rings on
+    period = 1.0 / (run.band * run.h)
+    rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
+    near = _widened(stands | turns, 0.5 * period) | _widened(rests, period)
     # a joint that stands all the time still shows its load
-    unsure = stands & (stands.mean(axis=0) < 0.7)
+    unsure = near & (stands.mean(axis=0) < 0.7)
     for name, series in values.items():
         mask = np.ones(series.shape)
         mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
@@ -200,6 +209,13 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
             mask[unsure] = 0.0
         masks[name] = mask
     return masks
+
+
+def _widened(flags: NDArray[np.bool_], samples: float) -> NDArray[np.bool_]:
+    """Flags (m, n) with so many samples before and after them."""
+    ndimage: Any = import_module("scipy.ndimage")
+
+    return np.asarray(ndimage.binary_dilation(flags, np.ones((2 * int(np.ceil(samples)) + 1, 1), dtype=bool)))
 
 
 def _noise(
