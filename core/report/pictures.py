@@ -52,6 +52,35 @@ class Picture:
     caption: str
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawing:
+    """A figure that has not been written yet, for pages and for files of its own.
+
+    Attributes:
+        figure: Of Matplotlib.
+        alt: What is to be seen.
+        caption: Below it.
+    """
+
+    figure: Any
+    alt: str
+    caption: str
+
+    def svg(self) -> bytes:
+        """As an SVG file."""
+        stream = io.BytesIO()
+        with styled():
+            self.figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        return stream.getvalue()
+
+    def png(self, dpi: float) -> bytes:
+        """As a PNG file."""
+        stream = io.BytesIO()
+        with styled():
+            self.figure.savefig(stream, format="png", dpi=dpi, metadata={"Software": None})
+        return stream.getvalue()
+
+
 def new_figure(width: float, height: float) -> Any:
     """An empty figure of that size [inch]."""
     with styled():
@@ -65,10 +94,12 @@ def styled() -> Any:
 
 def picture(figure: Any, alt: str, caption: str) -> Picture:
     """A figure as part of a page."""
-    stream = io.BytesIO()
-    with styled():
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
+    return inside(Drawing(figure, alt, caption).svg(), alt, caption)
+
+
+def inside(svg: bytes, alt: str, caption: str) -> Picture:
+    """An SVG file as part of a page."""
+    data = base64.b64encode(svg).decode("ascii")
     return Picture(f"data:image/svg+xml;base64,{data}", alt, caption)
 
 
