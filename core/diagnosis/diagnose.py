@@ -35,7 +35,7 @@ from .diagnosis import (
 from .experiment import design
 from .fit import blocks
 from .model import level_rows, merged, robot_of
-from .noise import noise_floor, significance
+from .noise import Noise, noise_floor, significance
 from .nuisances import Whitening, whitening
 from .numerics import numerics, unshifted
 from .problem import Problem, problem
@@ -51,6 +51,8 @@ Tell = Callable[[str], None]
 
 # how rarely a perfect model may be called wrong
 LEVEL = 0.01
+# what is left of a gap by numbers that are as good as runs of seconds make them, as part of it
+EXACT = 0.01
 # by how much more the gap must shrink without a finding for it to be none
 IDLE = 0.002
 
@@ -253,10 +255,12 @@ class _Diagnosing:
         if not found:
             return answer, overlays, None
         judged_runs = [run for fold in folds for run in fold.runs]
+        gaps = [residuals(run, overlay.before) for run, overlay in zip(judged_runs, overlays, strict=True)]
         left = [residuals(run, overlay.after) for run, overlay in zip(judged_runs, overlays, strict=True)]
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
         robot = robot_of(self.database, self.level, judged_runs[0])
-        return answer, overlays, _Gap(where(left, noises, judged_runs, robot), significance(left, noises))
+        fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
+        return answer, overlays, _Gap(where(left, noises, judged_runs, robot), significance(left, fitted))
 
 
 def _drawable(overlay: Overlay) -> Overlay:
@@ -289,6 +293,16 @@ def _idle(found: Sequence[Found], how_far: HowFar) -> Found | None:
 
 def _named(item: Found) -> farness.Found:
     return farness.Found(item.effect, item.place, item.row)
+
+
+def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:
+    """The noise that a model leaves whose numbers were fitted: they are known to EXACT of the gap that they close."""
+    tolerance = dict(noise.tolerance)
+    for name, values in gap.items():
+        there = np.maximum(np.isfinite(values).sum(axis=0), 1)
+        size = np.sqrt(np.nansum(np.square(values), axis=0) / there)
+        tolerance[name] = np.hypot(tolerance[name], EXACT * size)
+    return replace(noise, tolerance=tolerance)
 
 
 def _verdict(found: Sequence[Found], before: float, after: float) -> Verdict:
