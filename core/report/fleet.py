@@ -55,7 +55,7 @@ class FleetAnswer(Section):
         most = ""
         if common and len(common[0].cases) > 1:
             what = capitalised(cause_in_words(common[0].effect, common[0].at))
-            most = f"{what} is what most have in common: {len(common[0].cases)} of {count}."
+            most = f"{what} comes up most often: in {len(common[0].cases)} of {count}."
         return {
             "count": count,
             "said": listed(f"{number} {name}" for name, number in verdicts.items()),
