@@ -344,7 +344,7 @@ def _rejected(
         if (effect, place) not in said:
             silent = contender.shows < NOTHING
             out.append(
-                Rejected(effect, place, "not excited by these runs" if silent else "nothing to gain beside the verdict")
+                Rejected(effect, place, "not excited by these runs" if silent else "no gain beside what was found")
             )
     return out
 
