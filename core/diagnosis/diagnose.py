@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ..database import Database, with_effects
 from ..effects import effect_named
+from ..errors import RefusedError
 from ..recording import Run
 from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
 from . import how_far as farness
 from .alike import Alike, alike
+from .demonstration import shown
 from .diagnosis import (
     Diagnosis,
     Finding,
@@ -32,7 +34,7 @@ from .diagnosis import (
     Verdict,
     Where,
 )
-from .experiment import design
+from .experiment import Experiment, design
 from .fit import blocks
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor, significance
@@ -53,6 +55,8 @@ Tell = Callable[[str], None]
 LEVEL = 0.01
 # what is left of a gap by numbers that are as good as runs of seconds make them, as part of it
 EXACT = 0.01
+# names of a finding that are tried as the truth in simulation
+SHOWN = 2
 # by how much more the gap must shrink without a finding for it to be none
 IDLE = 0.002
 
@@ -233,10 +237,21 @@ class _Diagnosing:
                 self.tell(f"the experiment that would tell {item.effect} at {item.place} from what looks like it")
                 rest = [other for other in found if other is not item]
                 left = float(np.sqrt(np.mean(state.left**2)))
-                planned = design(state.problem, (item, *(one.found for one in others)), rest, misfit=left)
-                if planned.splits:
-                    return planned.next()
+                alternatives = (item, *(one.found for one in others))
+                planned = design(state.problem, alternatives, rest, misfit=left)
+                proposal = planned.next()
+                if proposal is not None:
+                    self.tell("that experiment in simulation")
+                    return replace(proposal, why=f"{proposal.why} {self._shown(planned, state, alternatives, rest)}")
         return None
+
+    def _shown(self, planned: Experiment, state: Search, names: Sequence[Found], rest: Sequence[Found]) -> str:
+        """What becomes of the experiment in an engine, each of the first names in turn the truth."""
+        try:
+            outcome = shown(planned, state.problem, names[:SHOWN], rest, backend=self.backend)
+        except RefusedError as error:
+            return f"It could not be tried in simulation: {error}"
+        return " ".join(one.words for one in outcome)
 
     def _how_far(
         self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen
