@@ -35,7 +35,7 @@ from .diagnosis import (
     Where,
 )
 from .experiment import Experiment, design
-from .fit import blocks
+from .fit import Part, blocks
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor, significance
 from .nuisances import Whitening, whitening
@@ -55,6 +55,8 @@ Tell = Callable[[str], None]
 LEVEL = 0.01
 # what is left of a gap by numbers that are as good as runs of seconds make them, as part of it
 EXACT = 0.01
+# mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
+SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 # by how much more the gap must shrink without a finding for it to be none
@@ -157,7 +159,8 @@ class _Diagnosing:
             found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
         names = [self._alike(state, found, fit, item) for item in found if fit is not None]
         experiment = self._next(state, found, names)
-        verdict = _verdict(found, before.chance, after.chance if after else 1.0)
+        seen_too = _shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
+        verdict = _verdict(found, before.chance if seen_too else 1.0, after.chance if after else 1.0)
         effects = rows_of(found)
         return Diagnosis(
             robot=self.database.name,
@@ -318,6 +321,20 @@ def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:
         size = np.sqrt(np.nansum(np.square(values), axis=0) / there)
         tolerance[name] = np.hypot(tolerance[name], EXACT * size)
     return replace(noise, tolerance=tolerance)
+
+
+def _shows(left: Vector, parts: Sequence[Part]) -> bool:
+    """Whether the measured motion itself takes what the model does not say.
+
+    A controller that acts on its sensors' noise moves the robot by what no simulation knows, and nobody knows noise
+    exactly; along the measured motion neither is a gap.
+    """
+    whole = {(part.begin, part.end) for part in parts}
+    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in whole) or any(
+        float(np.mean(left[part.first : part.last] ** 2)) > SHOWS_IN_BAND
+        for part in parts
+        if part.last - part.first >= SHORTEST_BAND
+    )
 
 
 def _verdict(found: Sequence[Found], before: float, after: float) -> Verdict:

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from ..build import assembled
 from ..database import Database, Tolerance
+from ..effects import EffectRow
 from .evidence import coefficients
-from .problem import Problem
+from .problem import Problem, Rows
 
 Vector = NDArray[np.float64]
+
+_NAMES = {"hold": "hold of the torque", "speed": "tick of the controller's speed"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +68,9 @@ def whitening(problem: Problem) -> Whitening:
     for name, change in _variations(problem.database, problem.database.tolerance):
         names.append(name)
         columns.append(_varied(problem, change) - base)
+    for name, rows in _rotors(problem):
+        names.append(name)
+        columns.append(problem.residual(rows) - base)
     for name, column in _shifts(problem):
         names.append(name)
         columns.append(column)
@@ -101,6 +107,15 @@ def _variations(database: Database, sigma: Tolerance) -> Iterator[tuple[str, Cal
                 yield f"{name} of arm_{i + 1}", _length(i, name, step)
 
 
+def _rotors(problem: Problem) -> Iterator[tuple[str, Rows]]:
+    """Rotor inertias that the robot is known to have: moments of inertia as any others."""
+    sigma = problem.database.tolerance.inertia
+    for row in problem.known.get("rotor_inertia", ()) if sigma else ():
+        value = row.values["inertia"] * (1.0 + sigma)
+        moved = EffectRow(row.at, {**row.values, "inertia": value})
+        yield f"rotor inertia of joint_{row.at}", {"rotor_inertia": (moved,)}
+
+
 def _inertia(i: int, steps: Mapping[str, float]) -> Callable[[Database], Database]:
     def apply(database: Database) -> Database:
         body = database.inertias[i]
@@ -131,9 +146,14 @@ def _length(i: int, name: str, step: float) -> Callable[[Database], Database]:
 
 
 def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
-    """Stamps of the torque, the tool's pose or the command that are one sample off the motion's."""
+    """Stamps of the torque, the tool's pose or the command that are one sample off the motion's, and the hold.
+
+    The hold: whether a torque acts from its tick on, half a tick later or earlier, as other integrators have it. The
+    controller's speed: whether it is the tick's own, or that half a tick ago, as differences of positions are.
+    """
     evidence = problem.evidence
-    for signal in ("tau", "tau_link", "q_link", "ee", "command"):
+    spoken = problem.spoken({})
+    for signal in ("tau", "tau_link", "q_link", "ee", "command", "hold", "speed"):
         parts: list[dict[str, list[Vector]]] = []
         for number, run in enumerate(evidence.runs):
             sample = 1.0 / run.run.rate
@@ -145,6 +165,14 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
                     control = run.run.control
                     rate = np.array(control.kp) * dq + np.array(control.kd) * ddq
                     change["u"] = rate * sample
+            elif signal == "hold":
+                rate = np.gradient(spoken[number].tau, run.h, axis=0)
+                for name in ("tau", "u"):
+                    if name in change and run.run.control.mode in ("pd", "torque"):
+                        change[name] = rate * 0.5 / run.run.control.rate
+            elif signal == "speed":
+                if run.run.control.mode == "pd" and "u" in change:
+                    change["u"] = np.array(run.run.control.kd) * run.ddq * 0.5 / run.run.control.rate
             elif signal in run.measured:
                 rate = np.gradient(run.measured[signal], run.h, axis=0)
                 if signal in change:
@@ -152,4 +180,4 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
             parts.append(coefficients(run, change, mask))
         column = evidence.weighed(parts)
         if np.any(column):
-            yield f"stamps of {signal}", column
+            yield _NAMES.get(signal, f"stamps of {signal}"), column

@@ -284,7 +284,8 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             break
         sigma = spread(order[0][3], parts)
     whole = _energy(left)
-    energy = max(whole - len(left), 1e-9)
+    # of pure noise nothing is explained
+    energy = max(whole - len(left), 3.0 * math.sqrt(2.0 * len(left)))
     return [
         Contender(hypothesis, gain, float(np.clip((whole - _energy(rest)) / energy, 0.0, 1.0)), fit.beta, rest, shows)
         for gain, hypothesis, fit, rest, shows in order
