@@ -10,7 +10,7 @@ import numpy as np
 from ..effects import effect_named
 from .fit import blocks, spread
 from .refine import Refined, refined
-from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders
+from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, without_bodies
 
 # how many other names are fitted with all their numbers free
 TRIED = 5
@@ -57,7 +57,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     problem, whiten = before.problem, before.whiten
     parts = blocks(problem.evidence)
     others = [other for other in found if other is not item]
-    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales)
+    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales, banned=before.banned)
     if others:
         state.take(others, refined(problem, whiten, others, parts))
     else:
@@ -82,8 +82,11 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         worse = 0.5 * (float(np.sum((other.left / sigma) ** 2)) - best) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
         # what leaves much less is no other name for it
+        named = Found(*key, other.rows[key], contender.gain)
+        if without_bodies(problem, [named]):
+            continue
         if leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
-            out.append(Alike(Found(*key, other.rows[key], contender.gain), worse, leaves))
+            out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
 
 

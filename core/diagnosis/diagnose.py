@@ -43,7 +43,7 @@ from .numerics import numerics, unshifted
 from .problem import Problem, problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
-from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
+from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search, without_bodies
 from .unseen import EARNS, NOTHING, Split, Unseen, in_parts, judged, splits
 from .where import where
 from .words import variable_in_words
@@ -57,6 +57,7 @@ LEVEL = 0.01
 EXACT = 0.01
 # mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
+UNREAL = "needs a body that cannot exist"
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 # by how much more the gap must shrink without a finding for it to be none
@@ -220,6 +221,15 @@ class _Diagnosing:
         while kept:
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(whole, whiten, kept, ways)
+            unreal = {
+                key
+                for rows in unseen.rows
+                for key in without_bodies(whole, [replace(item, row=row) for item, row in zip(kept, rows, strict=True)])
+            }
+            if unreal:
+                dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]
+                kept = [item for item in kept if item.key not in unreal]
+                continue
             worst = min(range(len(kept)), key=lambda k: unseen.gains[k])
             if unseen.gains[worst] >= EARNS:
                 return kept, unseen, tuple(dropped)
@@ -373,7 +383,9 @@ def _rejected(
     out: list[Rejected] = []
     for (effect, at), contender in sorted(best.items()):
         place = place_of(effect, at)
-        if (effect, place) not in said:
+        if (effect, at) in state.banned:
+            out.append(Rejected(effect, place, UNREAL))
+        elif (effect, place) not in said:
             silent = contender.shows < NOTHING
             out.append(
                 Rejected(effect, place, "not excited by these runs" if silent else "no gain beside what was found")

@@ -6,6 +6,7 @@ the recorded runs had at each frequency.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
@@ -17,7 +18,7 @@ from ..control.controller import feedforward_along
 from ..motion import MotionLaw
 from ..recording import Run
 from ..representation import Robot
-from .evidence import CREEP, Channel, Evidence
+from .evidence import CREEP, REST, Channel, Evidence
 from .inverse import said
 from .prepare import HIGHEST_BAND, KEPT, Prepared, noise_in
 from .problem import Problem, Rows
@@ -125,11 +126,24 @@ def _commanded(robot: Robot, recorded: Run, t: Vector, q: Vector, dq: Vector, ne
 
 
 def _masks(plan: Prepared, creep: Vector, present: list[str]) -> dict[str, Vector]:
-    """What counts: no edges, and no torque of a joint that stands, whose friction is anywhere between its levels."""
+    """What counts: no edges, and no torque of a joint around a turn or a rest, as of recorded runs.
+
+    Nor that of one that stands all the time: what friction holds there is not known before it has been recorded.
+    """
+    ndimage: Any = import_module("scipy.ndimage")
+
     whole = np.ones(plan.q.shape)
     whole[: plan.edge] = whole[len(whole) - plan.edge :] = 0.0
-    moving = np.where(np.abs(plan.dq) >= creep, whole, 0.0)
-    masks = dict.fromkeys(present, whole) | dict.fromkeys(("tau", "u"), moving)
+    stands = np.abs(plan.dq) < creep
+    turns = np.zeros_like(stands)
+    turns[1:] = np.diff(np.signbit(plan.dq), axis=0)
+    period = 1.0 / (plan.band * plan.h)
+    rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / plan.h)), 1), dtype=bool))
+    unsure = np.zeros_like(stands)
+    for flags, samples in ((stands | turns, 0.5 * period), (rests, period)):
+        around = np.ones((2 * math.ceil(samples) + 1, 1), dtype=bool)
+        unsure |= np.asarray(ndimage.binary_dilation(flags, around))
+    masks = dict.fromkeys(present, whole) | dict.fromkeys(("tau", "u"), np.where(unsure, 0.0, whole))
     if "ee" in present:
         masks["ee"] = np.repeat(whole[:, :1], 3, axis=1)
     return masks

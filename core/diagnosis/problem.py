@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..build import assembled
 from ..database import Database
+from ..database.bodies import fault_of
 from ..effects import EffectRow
 from ..recording import Run
 from ..representation import Inertia, Robot
@@ -61,6 +62,16 @@ class Problem:
         """The same question put to some of the runs, in their old order."""
         bodies = tuple(self.bodies[k] for k in sorted(chosen))
         return replace(self, bodies=bodies, evidence=self.evidence.only(chosen))
+
+    def impossible(self, rows: Rows) -> tuple[str, ...]:
+        """Why arms of the robot with these rows are no bodies, "" for those that are or never were."""
+        plain = self.robots({})[0]
+        return tuple(
+            fault_of(stage.arm.inertia) or ("its mass is not above 0" if stage.arm.inertia.mass <= 0.0 else "")
+            if fault_of(before.arm.inertia) is None and before.arm.inertia.mass > 0.0
+            else ""
+            for stage, before in zip(self.robots(rows)[0].stages, plain.stages, strict=True)
+        )
 
     def row_at(self, effect: str, at: int, rows: Rows) -> EffectRow | None:
         """The row that stands for an effect at a place."""

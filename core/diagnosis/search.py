@@ -123,6 +123,7 @@ class Search:
         signatures: What was worked out of a hypothesis before: how it begins apart from what is left, and its slope.
             What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
+        banned: Effects and numbers of places that need a body that cannot exist.
     """
 
     problem: Problem
@@ -135,6 +136,7 @@ class Search:
         default_factory=dict[tuple[str, int, str], tuple[Vector, Vector]]
     )
     scales: Scales | None = None
+    banned: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
 
     def begin(self) -> None:
         """Nothing found."""
@@ -173,6 +175,16 @@ def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | No
             tell(", ".join(f"{item.effect} at {item.place}" for item in picked[:3]))
         trial = [*before, *picked]
         fit = refined(problem, whiten, trial, parts)
+        unreal = without_bodies(problem, [replace(item, row=fit.rows[item.key]) for item in trial])
+        if unreal:
+            # what needs a body that cannot exist is not there; the others try again
+            state.banned |= unreal
+            trial = [item for item in trial if item.key not in unreal]
+            if trial:
+                prune(state, trial, refined(problem, whiten, trial, parts), parts)
+            else:
+                state.begin()
+            continue
         sigma = spread(fit.left, parts)
         if 0.5 * (_energy(state.left / sigma) - _energy(fit.left / sigma)) < THRESHOLD:
             break
@@ -180,6 +192,15 @@ def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | No
         if {item.key for item in state.found} <= {item.key for item in before}:
             break
     return state
+
+
+def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+    """Findings with which an arm is no body that can exist."""
+    heavy = [item for item in found if item.effect in ("link_inertia", "payload")]
+    if not heavy:
+        return set()
+    faults = problem.impossible(rows_of(found))
+    return {item.key for item in heavy if faults[item.at - 1]}
 
 
 def _picked(state: Search, parts: Sequence[Part], room: int) -> list[Found]:
@@ -241,7 +262,8 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
     # amounts stay those of the first round, for which signatures were worked out
     scales = replace(state.scales, residual=now.residual)
     fits: list[Fitting] = []
-    for hypothesis in hypotheses(problem, rows, scales, [*(item.key for item in state.found), *skip]):
+    taken = [*(item.key for item in state.found), *sorted(state.banned), *skip]
+    for hypothesis in hypotheses(problem, rows, scales, taken):
         name = (hypothesis.effect, hypothesis.at, hypothesis.form)
         known = state.signatures.get(name)
         if known is None:
