@@ -163,6 +163,10 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
         for i, stage in enumerate(stages):
             if _sticks(stage.drive):
                 inertia = stage.drive.inertia if stage.drive.spring else 1.0 / float(mobility[i])
+                if not inertia > 0.0:
+                    raise UsageError(
+                        f"{robot.name}: {stage.joint.name} would have an inertia of {inertia!r}; no bodies make that."
+                    )
                 stick = _bristle(level_at_rest(stage.drive, float(load[i])), inertia)
                 stages[i] = replace(stage, drive=replace(stage.drive, stick=stick))
     return replace(robot, stages=tuple(stages), notes=robot.notes + tuple(notes))

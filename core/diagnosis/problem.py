@@ -12,6 +12,7 @@ from ..build import assembled
 from ..database import Database
 from ..database.bodies import fault_of
 from ..effects import EffectRow
+from ..errors import MbexportError
 from ..recording import Run
 from ..representation import Inertia, Robot
 from .evidence import Evidence, gather
@@ -19,6 +20,8 @@ from .inverse import Said, said
 
 Vector = NDArray[np.float64]
 Rows = Mapping[str, tuple[EffectRow, ...]]
+# what a robot leaves that cannot be, in units of noise
+FAR = 1.0e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +52,14 @@ class Problem:
     def residual(self, rows: Rows) -> Vector:
         """Measured minus said with these rows, in units of noise, shape (N,)."""
         return self.evidence.residual(self.robots(rows))
+
+    def misfit(self, rows: Rows) -> Vector:
+        """The residual, or FAR everywhere where there can be no such robot, shape (N,)."""
+        try:
+            left = self.residual(rows)
+        except MbexportError:
+            return np.full(len(self.evidence.weights), FAR)
+        return np.where(np.isfinite(left), left, FAR)
 
     def spoken(self, rows: Rows) -> list[Said]:
         """What the sensors would have said in each run."""

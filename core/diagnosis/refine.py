@@ -29,7 +29,6 @@ _EVALUATIONS = 25
 SLOWEST = 2.0
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
-_FAR = 1.0e3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,8 +131,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         table: dict[str, tuple[EffectRow, ...]] = {}
         for (effect, _), row in rows_at(x).items():
             table = merged(table, {effect: (row,)})
-        r = whiten(problem.residual(table))
-        return np.where(np.isfinite(r), r, _FAR)
+        return whiten(problem.misfit(table))
 
     def whitened(x: Vector, sigma: Vector) -> Vector:
         return residual(x) / sigma

@@ -128,4 +128,4 @@ class _Part:
         return refined(self.problem, self.whiten, found, self.parts)
 
     def left(self, found: Sequence[Found]) -> Vector:
-        return self.whiten(self.problem.residual(rows_of(found)))
+        return self.whiten(self.problem.misfit(rows_of(found)))
