@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -20,6 +21,16 @@ def test_every_statement_holds_or_is_said_to_differ(study):
     assert {one.verdict for one in found} == {"input", "reproduced", "differs", "cannot be compared"}
     assert sum(one.verdict == "reproduced" for one in found) == 10
     assert all(one.says and one.ours and "nan" not in one.ours for one in found)
+
+
+def test_the_documentation_has_every_statement(study):
+    page = (Path(__file__).resolve().parents[2] / "docs" / "paper.md").read_text(encoding="utf-8")
+    for one in statements(study):
+        assert f"| {one.where} | {one.says} | " in page
+        assert f"| {one.verdict} |" in page
+    assert "![" in page
+    for name in DRAWINGS:
+        assert f"(pictures/paper/{name}.png)" in page
 
 
 def test_progress_counts_every_run(study, told):
