@@ -51,9 +51,13 @@ def _figure(study: CouplingStudy) -> Any:
     with styled():
         figure = new_figure(10.5, 7.4)
         grid = figure.add_gridspec(2, 2, width_ratios=(6, 5), height_ratios=(5, 4))
-        _draw_errors(figure.add_subplot(grid[0, 0]), study)
+        errors = figure.add_subplot(grid[0, 0])
+        _draw_errors(errors, study)
         _draw_early(figure.add_subplot(grid[0, 1]), study)
         _draw_deviation(figure.add_subplot(grid[1, :]), study)
+        handles, labels = errors.get_legend_handles_labels()
+        if handles:
+            figure.legend(handles, labels, loc="outside upper center", ncols=3)
     return figure
 
 
@@ -84,9 +88,7 @@ def _draw_errors(axes: Any, study: CouplingStudy) -> None:
     axes.set_yscale("log")
     axes.set_title("largest error of the tip [mm]")
     _name_steps(axes, study)
-    if axes.get_lines():
-        axes.legend()
-    else:
+    if not axes.get_lines():
         axes.text(0.5, 0.5, "no coupling is stable", ha="center", va="center", transform=axes.transAxes)
 
 
