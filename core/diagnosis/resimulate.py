@@ -27,6 +27,8 @@ Vector = NDArray[np.float64]
 
 # torque alone lets a simulation drift away: it is begun anew from what was measured
 WINDOW = 0.5
+# a stamp may be so much of a tick before it and mean it
+EARLY = 0.05
 # a stamp this near to a uniform clock is on it [s]
 ON_CLOCK = 1.0e-7
 # a record between whose samples is interpolated
@@ -163,7 +165,9 @@ def _simulated(
     rate = float(rows[-1] / run.t[-1])
     on_clock = bool(np.all(np.abs(run.t - rows / rate) <= ON_CLOCK))
     if not on_clock:
-        rate = max(FINE_RATE, run.rate) if control.mode == "motion" else max(control.rate, run.rate)
+        # a whole number of rows a tick: a held torque must not be read beside its tick
+        ticks = max(1, round(run.rate / control.rate))
+        rate = max(FINE_RATE, run.rate) if control.mode == "motion" else ticks * control.rate
     duration = float(run.t[-1]) + (0.0 if on_clock else 1.0 / rate)
     trace = simulate(
         robot, backend, law, control, duration=duration, rate=rate, step=step, start=start, nominal=nominal
@@ -232,7 +236,9 @@ def _at(times: Vector, grid: Vector, signals: Mapping[str, Vector], *, held: boo
     found: dict[str, Vector] = {}
     for name, values in signals.items():
         if name == "tau" and held:
-            at = np.searchsorted(grid, times + ON_CLOCK, side="right") - 1
+            # a row whose stamp is a little before a tick was recorded at that tick
+            early = EARLY * float(grid[1] - grid[0]) if len(grid) > 1 else 0.0
+            at = np.searchsorted(grid, times + max(early, ON_CLOCK), side="right") - 1
             found[name] = values[np.clip(at, 0, len(grid) - 1)]
         elif name == "ee_rot":
             # neighbouring quaternions of one hemisphere
