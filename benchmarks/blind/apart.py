@@ -332,14 +332,15 @@ class Track:
 
 
 class Scene:
-    """A case, and one of its effects taken out."""
+    """A case's runs, its true robot, and the same without one of its effects, or another robot."""
 
-    def __init__(self, recipe: dict, index: int) -> None:
+    def __init__(
+        self, recipe: dict, index: int | None, rows: list[dict] | None = None, without: World | None = None
+    ) -> None:
         self.recipe, self.mode = recipe, recipe["control"]["mode"]
-        self.effect = recipe["effects"][index]
         self.others = [e for k, e in enumerate(recipe["effects"]) if k != index]
         self.truth = world_of(recipe, recipe["effects"], drawn=recipe["drawn"])
-        self.without = self.world([])
+        self.without = self.world([]) if without is None else without
         self.n = self.truth.robot.n
         judge = Judge(recipe)
         floors, at = {}, 0
@@ -349,7 +350,10 @@ class Scene:
             at += size
         kept = {"torque": set(floors) - {"tau"}, "unknown": {"tau"}}.get(self.mode, set(floors))
         self.floors = {name: floor for name, floor in floors.items() if name in kept}
-        self.paths = [Track(self, row) for row in recipe["runs"]]
+        self.paths = [Track(self, row) for row in rows or recipe["runs"]]
+        if index is None:
+            return
+        self.effect = recipe["effects"][index]
         self.asks = self.asked_by(self.effect)
         self.gap = self.shown(self.asks)[:, 0]
         self.energy = float(self.gap @ self.gap)

@@ -1,9 +1,11 @@
-"""Open truth and diagnoses of a bank, and write what was right: counts with Wilson 95 % intervals.
+"""Open truth and diagnoses of a bank, and write what was right: counts with Wilson 95 % intervals, as one table.
 
-    python benchmarks/blind/score.py BANK/tune OUT    (OUT as diagnose.py wrote it; adds score.json, score.txt)
+    python benchmarks/blind/score.py BANK/tune OUT [OUT...] [--quick]
 
-Places and names count as they were sealed: cases where two candidates cannot be told apart are not taken out, so the
-figures for single effects are lower bounds.
+Each OUT is as diagnose.py or head_to_head.py wrote it, and is a column of the table. Adds to the first OUT: score.md,
+score.json, and cases.md with a line a case. What can be told apart is apart.py's to say, and looked up beside the
+truth; --quick leaves out what is not there yet, and the true shrinkage. A case that was tried and gave no diagnosis
+counts as wrong.
 """
 
 from __future__ import annotations
@@ -12,8 +14,15 @@ import argparse
 import json
 import math
 import statistics
-from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
+
+NAMELESS = {"verdict": "none", "which": [], "how_far": {}}
+# a claim of shrinkage is right within
+CLOSE = 0.05
+NOISE_FLOOR = 1.2
+SECONDS = 60.0
 
 
 def wilson(right: int, count: int, z: float = 1.96) -> tuple[float, float]:
@@ -26,105 +35,357 @@ def wilson(right: int, count: int, z: float = 1.96) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def judged(truth: dict, said: dict) -> dict[str, bool | None]:
-    """Questions that a case answers with yes or no; None where it does not ask them."""
-    group = truth["case"]["class"]
-    wanted = {(e["effect"], e["at"]) for e in truth["stated"]}
-    found = said["which"]
-    names = {(f["effect"], f["at"]) for f in found}
-    sets = names | {(o["effect"], o["at"]) for f in found for o in f.get("indistinguishable_from", [])}
-    if group in ("nothing", "numerical"):
-        return {"effect named": bool(found), "verdict no_gap": said["verdict"] == "no_gap"}
-    if group == "outside":
+Name = tuple[str, str]
+
+
+@dataclass
+class Case:
+    """One case with its truth opened.
+
+    Attributes:
+        name: Its folder.
+        truth, said: What was sealed, what the diagnosis says.
+        alike: For each true effect the names that would show the same, its own among them; None: not looked at.
+        seconds: What the diagnosis took.
+        shrinks: (true shrinkage, gap before in units of noise); None: not asked for.
+    """
+
+    name: str
+    truth: dict
+    said: dict
+    alike: list[set[Name]] | None
+    seconds: float
+    shrinks: tuple[float, float] | None = None
+    wanted: list[Name] = field(default_factory=list)
+    named: list[Name] = field(default_factory=list)
+    sets: list[set[Name]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.wanted = [(e["effect"], e["at"]) for e in self.truth["stated"]]
+        for finding in self.said["which"]:
+            own = (finding["effect"], finding["at"])
+            others = {(o["effect"], o["at"]) for o in finding.get("indistinguishable_from") or []}
+            self.named.append(own)
+            self.sets.append({own, *others})
+
+    @property
+    def group(self) -> str:
+        return self.truth["case"]["class"]
+
+    @property
+    def weak(self) -> bool:
+        return self.truth["strength"] == "weak"
+
+    @property
+    def white(self) -> bool:
+        return self.truth["sensors"]["colour"] == 0.0
+
+    @property
+    def classes(self) -> list[set[Name]]:
+        """The names that are right for each true effect."""
+        return self.alike if self.alike is not None else [{name} for name in self.wanted]
+
+    @property
+    def distinct(self) -> bool:
+        """Whether each true effect is like no other."""
+        return all(len(names) == 1 for names in self.classes)
+
+    @property
+    def exact(self) -> bool:
+        """Every true effect named, and nothing else."""
+        return sorted(self.named) == sorted(self.wanted)
+
+    @property
+    def exact_as_far(self) -> bool:
+        """One finding for every true effect, by its name or one that shows the same."""
+        left = list(self.named)
+        for names in sorted(self.classes, key=len):
+            match = next((name for name in left if name in names), None)
+            if match is None:
+                return False
+            left.remove(match)
+        return not left
+
+    @property
+    def in_sets(self) -> bool:
+        """Every true effect among the names of a finding."""
+        return all(any(name in names for names in self.sets) for name in self.wanted)
+
+    def right(self, name: Name) -> bool:
+        """Whether a name is one of a true effect's."""
+        return any(name in names for names in self.classes)
+
+    @property
+    def lawful(self) -> bool:
+        """The catalogue's own laws alone."""
+        return all(e["exact"] for e in self.truth["stated"])
+
+    @property
+    def open(self) -> bool:
+        """Called unexplained, or partly."""
+        return self.said["verdict"] in ("unexplained", "partly_explained")
+
+    def covers(self) -> list[bool]:
+        """Whether the 95 % interval of each number of a rightly named effect holds the truth."""
+        out = []
+        for effect in self.truth["stated"]:
+            for finding in self.said["which"]:
+                if (finding["effect"], finding["at"]) != (effect["effect"], effect["at"]) or not effect["scored"]:
+                    continue
+                for name, value in effect["total"].items():
+                    interval = (finding["parameters"].get(name) or {}).get("ci95")
+                    if interval and None not in interval:
+                        out.append(interval[0] <= value <= interval[1])
+        return out
+
+    @property
+    def over_floor(self) -> float | None:
+        """Held-out gap after in units of the noise floor, root mean square over the signals."""
+        held = (self.said.get("how_far") or {}).get("holdout") or {}
+        after, noise = held.get("after") or {}, held.get("noise") or {}
+        parts = [(after[name] / noise[name]) ** 2 for name in after if noise.get(name) and after[name] is not None]
+        return math.sqrt(statistics.fmean(parts)) if parts else None
+
+    @property
+    def claimed(self) -> float | None:
+        """The shrinkage that the diagnosis claims."""
+        return ((self.said.get("how_far") or {}).get("holdout") or {}).get("shrinks_by")
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A line of the table: a share of answers, or a number of its own."""
+
+    name: str
+    goal: str
+    answers: list[bool] | None = None
+    text: str = ""
+
+    def shown(self) -> str:
+        if self.answers is None:
+            return self.text
+        if not self.answers:
+            return "no case"
+        yes, count = sum(self.answers), len(self.answers)
+        low, high = wilson(yes, count)
+        return f"{yes} of {count}: {yes / count:.1%} [{low:.1%}, {high:.1%}]"
+
+    def data(self) -> dict:
+        if self.answers is None:
+            return {"text": self.text}
         return {
-            "unexplained or partly": said["verdict"] in ("unexplained", "partly_explained"),
-            "called explained": said["verdict"] == "explained",
+            "yes": sum(self.answers),
+            "of": len(self.answers),
+            "wilson95": wilson(sum(self.answers), len(self.answers)),
         }
-    return {
-        "exact": names == wanted,
-        "truth in reported set": wanted <= sets,
-        "a wrong name": bool(names - wanted),
-        "called unexplained": said["verdict"] == "unexplained",
-        "called no_gap": said["verdict"] == "no_gap",
-    }
 
 
-def covered(truth: dict, said: dict) -> list[bool]:
-    """Whether each 95 % interval of a rightly named effect holds the truth."""
-    out = []
-    for effect in truth["stated"]:
-        for finding in said["which"]:
-            if (finding["effect"], finding["at"]) != (effect["effect"], effect["at"]) or not effect["scored"]:
-                continue
-            for name, value in effect["total"].items():
-                interval = finding["parameters"].get(name, {}).get("ci95")
-                if interval:
-                    out.append(interval[0] <= value <= interval[1])
+def middle(values: Iterable[float], digits: int = 2) -> str:
+    """Median, and the largest."""
+    values = sorted(values)
+    if not values:
+        return "no case"
+    return f"median {statistics.median(values):.{digits}f}, most {values[-1]:.{digits}f} ({len(values)})"
+
+
+def figures(cases: list[Case]) -> list[Figure]:
+    """The whole table."""
+    group: dict[str, list[Case]] = {}
+    for case in cases:
+        group.setdefault(case.group, []).append(case)
+
+    def of(*names: str) -> list[Case]:
+        return [case for name in names for case in group.get(name, [])]
+
+    plain = [c for c in of("single") if not c.weak]
+    bare = [c for c in of("positions") if not c.weak]
+    weak = [c for c in of("single", "positions") if c.weak]
+    seen = [c for c in of("single", "positions") if not c.weak]
+    several = of("pair", "triple")
+    catalogued = [*seen, *several]
+    foreign = of("outside")
+    distinct_foreign = [c for c in foreign if c.alike is None or c.distinct]
+    named = [(case, finding) for case in of("single", "positions", "pair", "triple") for finding in case.said["which"]]
+    right_and_explained = [c for c in catalogued if c.exact_as_far and c.over_floor is not None]
+    claims = [c for c in cases if c.shrinks is not None and c.claimed is not None]
+    off = [abs(c.claimed - c.shrinks[0]) for c in claims]  # type: ignore[operator, index]
+
+    def named_right(cases: list[Case]) -> list[bool]:
+        return [c.exact for c in cases if c.distinct]
+
+    out = [
+        Figure("single effect: effect and place right, where it is like no other", "95 %", named_right(plain)),
+        Figure("... by its name or one that shows the same, all", "", [c.exact_as_far for c in plain]),
+    ]
+    out += [
+        Figure(f"... {robot}", "", [c.exact_as_far for c in plain if c.truth["robot"] == robot])
+        for robot in sorted({c.truth["robot"] for c in plain})
+    ]
+    out += [
+        Figure("... " + words, "", [c.exact_as_far for c in plain if test(c)])
+        for words, test in (
+            ("strong", lambda c: c.truth["strength"] == "strong"),
+            ("medium", lambda c: c.truth["strength"] == "medium"),
+            ("the catalogue's own law", lambda c: c.lawful),
+            ("another form of the law", lambda c: not c.lawful),
+            ("white noise", lambda c: c.white),
+            ("AR(0.95) noise", lambda c: not c.white),
+            *(
+                (f"mode {m}", lambda c, m=m: c.truth["control"]["mode"] == m)
+                for m in ("pd", "motion", "torque", "unknown")
+            ),
+        )
+    ]
+    out += [
+        Figure(
+            "positions alone: effect and place right, where it is like no other", "5 points less", named_right(bare)
+        ),
+        Figure("positions alone: by its name or one that shows the same, all", "", [c.exact_as_far for c in bare]),
+        Figure("single effect: truth in the reported set", "99 %", [c.in_sets for c in seen]),
+        Figure("size of reported sets", "median 2", text=middle((len(s) for c in seen for s in c.sets), 0)),
+        Figure("called unexplained or partly, wrongly", "5 %", [c.open for c in catalogued]),
+        Figure("... of the catalogue's own laws", "", [c.open for c in catalogued if c.lawful]),
+        Figure("called no_gap, wrongly", "", [c.said["verdict"] == "no_gap" for c in catalogued]),
+        Figure("nothing missing: an effect named (false alarm)", "1 %", [bool(c.named) for c in of("nothing")]),
+        Figure("nothing missing: verdict no_gap", "", [c.said["verdict"] == "no_gap" for c in of("nothing")]),
+        Figure(
+            "not in the catalogue: called unexplained or partly, where like no effect of it",
+            "90 %",
+            [c.open for c in distinct_foreign],
+        ),
+        Figure("not in the catalogue: verdict explained", "", [c.said["verdict"] == "explained" for c in foreign]),
+        Figure("barely visible: a wrong name", "2 %", [any(not c.right(n) for n in c.named) for c in weak]),
+        Figure("barely visible: named right", "", [c.exact_as_far for c in weak]),
+        Figure("pairs: exact, by names or such as show the same", "80 %", [c.exact_as_far for c in of("pair")]),
+        Figure("triples: exact", "", [c.exact_as_far for c in of("triple")]),
+        Figure("pairs and triples: findings that are right", "95 %", [c.right(n) for c in several for n in c.named]),
+        Figure(
+            "pairs and triples: true effects in a set",
+            "",
+            [name in set().union(*c.sets) for c in several for name in c.wanted],
+        ),
+    ]
+    for words, lawful in (("the catalogue's own laws", True), ("other forms", False)):
+        for noise, white in (("white", True), ("AR(0.95)", False)):
+            chosen = [c for c in [*seen, *weak, *several] if c.lawful == lawful and c.white == white]
+            goal = "92 to 98 %"
+            out.append(
+                Figure(
+                    f"95 % intervals hold the truth: {words}, {noise} noise",
+                    goal,
+                    [x for c in chosen for x in c.covers()],
+                )
+            )
+    out += [
+        Figure(
+            "right ones: held-out gap within 1.2 times the noise floor",
+            "all",
+            [c.over_floor <= NOISE_FLOOR for c in right_and_explained],  # type: ignore[operator]
+        ),
+        Figure("... its size", "1.2", text=middle(c.over_floor for c in right_and_explained)),  # type: ignore[misc]
+        Figure("claimed against true shrinkage within 5 points", "all", [x <= CLOSE for x in off]),
+        Figure("... how far off", "0.05", text=middle(off, 3)),
+        Figure("made worse, truly, by what was found", "", [c.shrinks[0] < 0.0 for c in claims if c.named]),  # type: ignore[index]
+        Figure("numerical suspects named as physics", "0", [bool(c.named) for c in of("numerical")]),
+        Figure("took 60 s or less", "all", [c.seconds <= SECONDS for c in cases]),
+        Figure("seconds a case", "", text=middle((c.seconds for c in cases), 1)),
+        Figure("tried and gave no diagnosis", "0", [c.said["verdict"] == "none" for c in cases]),
+    ]
+    for low in (0.0, 0.5, 0.8, 0.9, 0.97):
+        high = {0.0: 0.5, 0.5: 0.8, 0.8: 0.9, 0.9: 0.97, 0.97: 1.01}[low]
+        hits = [
+            any(case.right(name) for name in case.sets[case.said["which"].index(finding)])
+            for case, finding in named
+            if low <= (finding.get("probability") or 0.0) < high
+        ]
+        out.append(Figure(f"findings of probability {low!r} to {min(high, 1.0)!r} that are right", "", hits))
     return out
 
 
-def share(answers: list[bool]) -> dict:
-    low, high = wilson(sum(answers), len(answers))
-    return {"yes": sum(answers), "of": len(answers), "share": sum(answers) / len(answers), "wilson95": [low, high]}
+def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
+    """All cases of a bank that were tried."""
+    cases = []
+    for path in sorted((bank / "sealed").glob("*.json")):
+        record, report = out / path.name, out / path.stem / "diagnosis.json"
+        if not record.is_file():
+            continue
+        truth = json.loads(path.read_text())
+        said = json.loads(report.read_text()) if report.is_file() else NAMELESS
+        alike = looked_up(bank, path.stem, truth, quick=quick)
+        shrinks = None
+        if not quick and said.get("how_far") and truth["case"]["class"] not in ("nothing", "numerical"):
+            from shrinkage import true_shrinkage
+
+            shrinks = true_shrinkage(truth, said["which"])
+        cases.append(Case(path.stem, truth, said, alike, json.loads(record.read_text())["seconds"], shrinks))
+    return cases
+
+
+def looked_up(bank: Path, name: str, truth: dict, *, quick: bool) -> list[set[Name]] | None:
+    """What would show the same for each true effect, and that itself."""
+    if not quick:
+        from apart import told_apart
+
+        rows = told_apart(bank, name)
+    elif (bank / "apart" / f"{name}.json").is_file():
+        rows = json.loads((bank / "apart" / f"{name}.json").read_text())
+    else:
+        return None if truth["effects"] else []
+    return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in rows]
+
+
+def line(case: Case) -> str:
+    """One case as a row."""
+    truth = case.truth
+    what = "; ".join(f"{e} {at}" for e, at in case.wanted) or truth["numerical"] or "nothing"
+    also = "; ".join(
+        " ".join(n) for names, own in zip(case.classes, case.wanted, strict=False) for n in sorted(names - {own})
+    )
+    found = "; ".join(
+        f"{e} {at}" + (f" (or {', '.join(' '.join(n) for n in sorted(s - {(e, at)}))})" if len(s) > 1 else "")
+        for (e, at), s in zip(case.named, case.sets, strict=True)
+    )
+    shrinks = "" if case.shrinks is None or case.claimed is None else f"{case.claimed:.2f} / {case.shrinks[0]:.2f}"
+    over = "" if case.over_floor is None else f"{case.over_floor:.2f}"
+    cells = [
+        case.name, case.group, truth["robot"], truth["control"]["mode"], truth["strength"] or "", what, also, found,
+        case.said["verdict"], shrinks, over, f"{case.seconds:.0f}",
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def markdown(heads: list[str], rows: list[list[str]]) -> str:
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)]) + "\n"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bank", type=Path)
-    parser.add_argument("out", type=Path)
+    parser.add_argument("out", type=Path, nargs="+")
+    parser.add_argument("--quick", action="store_true", help="nothing that has to be simulated first")
     options = parser.parse_args()
-    answers: dict[tuple[str, str], list[bool]] = defaultdict(list)
-    sizes: list[int] = []
-    calibration: dict[int, list[bool]] = defaultdict(list)
-    seconds: list[float] = []
-    missing = 0
-    for path in sorted((options.bank / "sealed").glob("*.json")):
-        truth = json.loads(path.read_text())
-        report = options.out / path.stem / "diagnosis.json"
-        if not report.is_file():
-            missing += 1
-            continue
-        said = json.loads(report.read_text())
-        seconds.append(json.loads((options.out / path.name).read_text())["seconds"])
-        group = truth["case"]["class"]
-        slices = [
-            group,
-            f"{group}, {truth['robot']}",
-            f"{group}, noise {'AR' if truth['sensors']['colour'] else 'white'}",
-        ]
-        if truth["strength"]:
-            slices.append(f"{group}, {truth['strength']}")
-        if group in ("single", "positions", "outside"):
-            slices.append(f"{group}, {truth['effects'][0]['effect']}")
-        for question, answer in judged(truth, said).items():
-            for part in slices:
-                answers[part, question].append(bool(answer))
-        form = "catalogue" if all(e["exact"] for e in truth["stated"]) else "other"
-        for part in (*slices, f"{group}, {form} law"):
-            answers[part, "interval covers"] += covered(truth, said)
-        wanted = {(e["effect"], e["at"]) for e in truth["stated"]}
-        for finding in said["which"]:
-            others = finding.get("indistinguishable_from", [])
-            sizes.append(1 + len(others))
-            named = {(finding["effect"], finding["at"]), *((o["effect"], o["at"]) for o in others)}
-            calibration[min(9, int(10 * finding["probability"]))].append(bool(named & wanted))
-    table = {f"{part}: {question}": share(a) for (part, question), a in sorted(answers.items()) if a}
-    result = {
-        "cases": len(seconds),
-        "without a diagnosis": missing,
-        "table": table,
-        "size of reported sets": {"median": statistics.median(sizes) if sizes else None, "of": len(sizes)},
-        "probability": {f"{k / 10}-{(k + 1) / 10}": share(a) for k, a in sorted(calibration.items())},
-        "seconds": {"median": statistics.median(seconds), "most": max(seconds)} if seconds else None,
-    }
-    (options.out / "score.json").write_text(json.dumps(result, indent=1) + "\n")
-    lines = [f"{len(seconds)} cases, {missing} without a diagnosis"]
-    for name, s in (*table.items(), *((f"probability {k}: right", v) for k, v in result["probability"].items())):
-        low, high = s["wilson95"]
-        lines.append(f"{name:70} {s['yes']:4d} / {s['of']:4d}  {s['share']:6.1%}  [{low:.1%}, {high:.1%}]")
-    lines += [f"{name}: {result[name]}" for name in ("size of reported sets", "seconds")]
-    text = "\n".join(lines) + "\n"
-    (options.out / "score.txt").write_text(text)
+    columns = []
+    for out in options.out:
+        cases = opened(options.bank, out, quick=options.quick)
+        columns.append((out.name, cases, figures(cases)))
+    rows = []
+    for figure in columns[0][2]:
+        same = [next((f for f in table if f.name == figure.name), figure) for _, _, table in columns]
+        if any(f.shown() != "no case" for f in same):
+            rows.append([figure.name, figure.goal, *(f.shown() for f in same)])
+    heads = ["figure", "goal", *(f"{name} ({len(cases)} cases)" for name, cases, _ in columns)]
+    text = markdown(heads, rows)
+    first = options.out[0]
+    (first / "score.md").write_text(text)
+    data = {name: {f.name: f.data() for f in table} for name, _, table in columns}
+    (first / "score.json").write_text(json.dumps(data, indent=1) + "\n")
+    names = [
+        "case", "class", "robot", "mode", "strength", "truth", "shows the same", "named", "verdict",
+        "shrinks: claimed / true", "over the floor", "s",
+    ]  # fmt: skip
+    body = [line(case) for case in columns[0][1]]
+    (first / "cases.md").write_text(markdown(names, []) + "\n".join(body) + "\n")
     print(text, end="")
 
 

@@ -1,0 +1,71 @@
+"""How far a gap truly shrinks with the effects that a diagnosis found: by the generator's engine, without noise.
+
+The true robot's held-out run is simulated, and the same run of two others: the database's, and the database's with
+what was found; the one example's tolerances are drawn in all three, so that they, which no effect is blamed for, are in
+neither gap. Channels (speeds aside) count in units of their noise floor; over the channels of a signal, and over
+signals, root of the mean square: shrinkage = 1 - gap after / gap before. Mode unknown: torques along the true motion.
+Mode torque: what differing torques move in half a second, from the true state, again and again.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from apart import Asked, Scene, Track
+from design import as_simulated, law_of
+from world import COLUMN, World, simulate, world_of
+
+
+def place_number(at: str) -> int:
+    """0 for the robot, N for joint_N and arm_N."""
+    return 0 if at == "robot" else int(at.partition("_")[2])
+
+
+def corrected(recipe: dict, found: list[dict]) -> World:
+    """The database's robot with rows replaced by what was found, as this example of it was drawn."""
+    database = {effect: {at: dict(row) for at, row in rows.items()} for effect, rows in recipe["database"].items()}
+    for finding in found:
+        values = {name: p["value"] for name, p in finding["parameters"].items() if p.get("value") is not None}
+        row = {name: float(value) for name, value in values.items()}
+        database.setdefault(finding["effect"], {})[str(place_number(finding["at"]))] = row
+    return world_of({**recipe, "database": database}, [], drawn=recipe["drawn"])
+
+
+def gap(recipe: dict, other: World) -> float:
+    """Between the true robot and another one on the held-out run, in units of the noise floor."""
+    scene = Scene(recipe, None, recipe["runs"][-1:], without=other)
+    if scene.mode in ("torque", "unknown"):
+        track = scene.paths[0]
+        asked = track.asked_by(scene.truth)
+        gains = scene.truth.drives[:, COLUMN["gain"]] - other.drives[:, COLUMN["gain"]]
+        asked = Asked(**{**vars(asked), "extra": (track.tau * gains)[:, :, None], "reported": False})
+        values = track.shown(asked)[:, 0]
+        lengths = [3 if name == "ee" else scene.n for name in scene.floors]
+        parts = split(values, lengths, len(track.thin))
+    else:
+        parts = signals(scene, other)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return math.sqrt(float(np.mean([np.mean(np.square(part)) for part in parts])))
+
+
+def split(values: np.ndarray, lengths: list[int], m: int) -> list[np.ndarray]:
+    ends = np.cumsum([m * length for length in lengths])[:-1]
+    return np.split(values, ends)
+
+
+def signals(scene: Scene, other: World) -> list[np.ndarray]:
+    """Difference of each signal under the same command and controller, in units of noise."""
+    track: Track = scene.paths[0]
+    law = law_of(scene.recipe, scene.recipe["runs"][-1])
+    run = simulate(as_simulated(scene.recipe), other, law, track.seconds)
+    return [(track.true.channel(name) - run.channel(name))[track.thin] / floor for name, floor in scene.floors.items()]
+
+
+def true_shrinkage(recipe: dict, found: list[dict]) -> tuple[float, float]:
+    """(1 - gap after / gap before, gap before in units of noise)."""
+    before = gap(recipe, world_of(recipe, [], drawn=recipe["drawn"]))
+    after = gap(recipe, corrected(recipe, found)) if found else before
+    if not math.isfinite(after):
+        return -math.inf, before
+    return (1.0 - after / before if before > 0.0 else 0.0), before
