@@ -7,6 +7,7 @@ A test holds the pages against what this gives.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -349,6 +350,66 @@ def quantities() -> str:
     return "\n" + ", ".join(f"`{name}`" for name in (*STATICS, *SCENARIOS, "convergence")) + ".\n\n"
 
 
+def limits() -> str:
+    """The bounds of what is read, with the numbers that the code has."""
+    from mbexport.core import data_file
+    from mbexport.core.control import unit_file
+    from mbexport.core.database import problems, settings, sources, yaml_tree
+    from mbexport.core.database import table as tables_of
+    from mbexport.core.importing import mjcf_settings, xml_file
+    from mbexport.core.study.design import MOST_VARIANTS
+
+    def size(count: int) -> str:
+        scale, unit = next(
+            (s, u) for s, u in ((2**30, "GiB"), (2**20, "MiB"), (2**10, "KiB"), (1, "bytes")) if count >= s
+        )
+        return f"{number(count / scale)} {unit}"
+
+    rows = [
+        ["a table of a database", f"{size(tables_of.LARGEST_FILE)}, {tables_of.MOST_ROWS} rows, "
+         f"{tables_of.MOST_COLUMNS} columns"],
+        ["a YAML file (database, log, controller)", f"{size(yaml_tree.LARGEST_YAML)}, {yaml_tree.MOST_NODES} values "
+         f"once its anchors are unfolded, {yaml_tree.DEEPEST} levels deep"],
+        ["files of a database in one folder", f"{sources.MOST_FILES}"],
+        ["a text in a database", f"{settings.LONGEST_TEXT} characters, none of them for controlling a terminal"],
+        ["a mesh", size(settings.LARGEST_MESH)],
+        ["faults that one file is told", f"{problems.MOST}"],
+        ["a URDF or MJCF file", f"{size(xml_file.LARGEST_FILE)}, {xml_file.MOST_ELEMENTS} elements (includes counted), "
+         f"{xml_file.DEEPEST} levels deep, {mjcf_settings.INCLUDES} includes"],
+        ["a run's data, CSV or Parquet", f"{size(data_file.LARGEST_DATA)}, {data_file.MOST_SAMPLES} rows, "
+         f"{data_file.MOST_CELLS} numbers, lines of {size(data_file.LONGEST_LINE)}"],
+        ["a controller's FMU", f"{size(unit_file.LARGEST_ARCHIVE)} unpacked, its description "
+         f"{size(unit_file.LARGEST_DESCRIPTION)}"],
+        ["variants of a study", f"{MOST_VARIANTS}"],
+    ]  # fmt: skip
+    return "\n" + table(["what", "at most"], rows) + "\n"
+
+
+STUDY = DOCS / "pictures" / "study.json"
+
+
+def study() -> str:
+    """What a finished study found, a row a parameter: total and first-order share of each figure's variance."""
+    kept = json.loads(STUDY.read_text(encoding="utf-8"))
+    found = {one["figure"]: one for one in kept["sensitivity"]}
+    names = {"tip_rms": "root mean square", "tip_max": "maximum", "tip_end": "at the end"}
+    rows: list[list[str]] = []
+    for k, parameter in enumerate(found["tip_rms"]["parameters"]):
+        cells = [f"`{parameter}`"]
+        for name in names:
+            values = found[name]["values"]
+            total, width = values["total"][k], values["total_ci"][k]
+            cells.append(f"{total:.2g} +- {width:.1g} ({values['first'][k]:.2g})" if total >= 1e-3 else "below 0.001")
+        rows.append(cells)
+    rows.append(["the error as the database stands [mm]", *(f"{1e3 * kept['nominal'][name]:.3f}" for name in names)])
+    facts = kept["facts"]
+    said = (
+        f"{facts['variants']} variants of {facts['duration']} s in {kept['engine']}, {kept['failed']} failed. Total "
+        "share with the half width of its 95 % interval, and in brackets the share that it explains alone:\n\n"
+    )
+    return "\n" + said + table(["tip's error", *names.values()], rows) + "\n"
+
+
 REGIONS: dict[str, Callable[[], str]] = {
     "tables": tables,
     "effects": effects,
@@ -357,6 +418,8 @@ REGIONS: dict[str, Callable[[], str]] = {
     "gates": gates,
     "quantities": quantities,
     "concepts": concept_map,
+    "study": study,
+    "limits": limits,
 }
 
 
