@@ -60,8 +60,8 @@ SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 UNREAL = "needs a body that cannot exist"
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
-# by how much more the gap must shrink without a finding for it to be none
-IDLE = 0.002
+# by how much a finding must make the gap of unseen runs shrink, as part of the gap before
+HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 
 
 def diagnose(
@@ -150,7 +150,7 @@ class _Diagnosing:
         state = search(seen, seen_whiten, lambda what: self.tell(f"found {what}, looking on"))
         found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
         how_far, overlays, after = self._how_far(ready, ways, found, unseen)
-        while (idle := _idle(found, how_far)) is not None:
+        while (idle := _idle(found, unseen.gains, how_far)) is not None:
             dropped = (*dropped, Rejected(idle.effect, idle.place, "no gain on held-out data"))
             found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not idle], ways)
             dropped = (*dropped, *more)
@@ -316,17 +316,21 @@ def _drawable(overlay: Overlay) -> Overlay:
     )
 
 
-def _idle(found: Sequence[Found], how_far: HowFar) -> Found | None:
-    """The finding without which the simulation does better on runs that no fit saw; None where there is none."""
-    total = how_far.shrinks_by
-    if total is None:
+def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
+    """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
+
+    Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
+    drown what closes the gap of a quiet one.
+    """
+    total, sure = how_far.shrinks_by, how_far.ci95
+    if total is None or sure is None or not found:
         return None
-    better = {item.name: how_far.without.get(item.name) for item in map(_named, found)}
-    gains = {name: value - total for name, value in better.items() if value is not None and value > total + IDLE}
-    if not gains:
-        return None
-    worst = max(sorted(gains), key=lambda name: gains[name])
-    return next(item for item in found if _named(item).name == worst)
+    helps: list[float] = []
+    for item, gain in zip(found, gains, strict=True):
+        help_there = total - (how_far.without.get(_named(item).name) or 0.0)
+        helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
+    least = int(np.argmin(helps))
+    return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
 
 
 def _named(item: Found) -> farness.Found:
