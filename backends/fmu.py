@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import ClassVar, Literal
 
@@ -10,7 +12,7 @@ from ..core.representation import Robot
 from ..core.simulation.backend import Backend, Concept, Emission, Engine, Program
 from ..core.simulation.step import choose_step, poses_of
 from .common import Fate, concepts_of, header_lines, weightless_motor
-from .fmu_unit import archive, binary_place, compiled_unit, compiler, unit_of
+from .fmu_unit import Unit, archive, binary_place, compiled_unit, compiler, unit_of
 
 _FATES: dict[str, Fate] = {
     "gravity": ("exact", "parameters gravity_in_base"),
@@ -44,6 +46,7 @@ class FmuBackend(Backend):
     # it may be driven either way, so elastic parts are joints on springs, moved by nothing else
     scripted: ClassVar[bool] = False
     runs: ClassVar[bool] = False
+    compiles: ClassVar[bool] = True
 
     def version(self) -> str:
         """None: importers are elsewhere."""
@@ -59,6 +62,14 @@ class FmuBackend(Backend):
         Raises:
             RefusedError: A law has no form in C, or the robot cannot be moved so.
         """
+        return self.begin(robot, program)()
+
+    def begin(self, robot: Robot, program: Program) -> Callable[[], Emission]:
+        """The sources at once; a compiler makes the binary of them meanwhile.
+
+        Raises:
+            RefusedError: A law has no form in C, or the robot cannot be moved so.
+        """
         reason = self.refusal(robot, program)
         if reason is not None:
             raise RefusedError(f"{self.name} refuses {robot.name}: {reason}")
@@ -69,13 +80,18 @@ class FmuBackend(Backend):
             f"integration: classical Runge-Kutta, steps of {program.step!r} s or shorter",
         )
         unit = unit_of(robot, program, header)
-        content: dict[str, str | bytes] = dict(unit.texts)
-        found = compiler()
-        if found:
-            content[binary_place(unit.identifier)] = compiled_unit(unit, found)
         main = f"{robot.name}.fmu"
-        concepts = concepts_of(robot, _fate) + tuple(_of_program(program, unit.mode, bool(found)))
-        return Emission(self.name, main, {}, concepts, {main: archive(content)})
+        found = compiler()
+        compiling = _in_background(compiled_unit, unit, found) if found else None
+
+        def packed() -> Emission:
+            content: dict[str, str | bytes] = dict(unit.texts)
+            if compiling:
+                content[binary_place(unit.identifier)] = compiling.result()
+            concepts = concepts_of(robot, _fate) + tuple(_of_program(program, unit.mode, compiling is not None))
+            return Emission(self.name, main, {}, concepts, {main: archive(content)})
+
+        return packed
 
     def load(self, emission: Emission) -> Engine:
         """Not here.
@@ -84,6 +100,15 @@ class FmuBackend(Backend):
             RefusedError: Always.
         """
         raise RefusedError("fmu: emitted only; a tool that imports FMI 2.0 units runs it, FMPy for instance.")
+
+
+def _in_background(function: Callable[[Unit, str], bytes], unit: Unit, with_compiler: str) -> Future[bytes]:
+    """Its result to come; where nobody asks for it, it ends by itself and leaves nothing behind."""
+    with_thread = ThreadPoolExecutor(1)
+    try:
+        return with_thread.submit(function, unit, with_compiler)
+    finally:
+        with_thread.shutdown(wait=False)
 
 
 def _step(backend: Backend, robot: Robot, program: Program) -> float:

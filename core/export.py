@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,7 +65,7 @@ def export(
         RefusedError: A backend refuses the robot, or `strict` and something is not exact; nothing is written.
         UsageError: A file is in the way.
     """
-    emissions = {name: emit(robot, backend_named(name), motion, control) for name in dict.fromkeys(backends)}
+    emissions = _emitted(robot, [backend_named(name) for name in dict.fromkeys(backends)], motion, control)
     if strict:
         _insist_on_exact(emissions)
     files: dict[str, str | bytes] = {}
@@ -77,6 +77,15 @@ def export(
         files[f"{prefix}{robot.name}.concepts.json"] = concept_report(robot, emission)
     write_whole(Path(folder), files, force=force)
     return emissions
+
+
+def _emitted(
+    robot: Robot, backends: Sequence[Backend], motion: MotionLaw | None, control: Control | None
+) -> dict[str, Emission]:
+    """What each backend makes of a robot, in their order; compilers work while the others emit."""
+    early = sorted(backends, key=lambda backend: not backend.compiles)
+    begun = {backend.name: _begun(robot, backend, motion, control) for backend in early}
+    return {backend.name: begun[backend.name]() for backend in backends}
 
 
 def _mesh_files(robot: Robot, folder: Path | None) -> dict[str, bytes]:
@@ -99,6 +108,10 @@ def emit(robot: Robot, backend: Backend, motion: MotionLaw | None = None, contro
     Raises:
         RefusedError: It refuses the robot.
     """
+    return _begun(robot, backend, motion, control)()
+
+
+def _begun(robot: Robot, backend: Backend, motion: MotionLaw | None, control: Control | None) -> Callable[[], Emission]:
     program = default_program(robot, motion, control)
     # a model without a program of its own is for torque: its passive joints are free joints on springs
     imposed = program.control.mode == "motion" and backend.scripted
@@ -112,7 +125,7 @@ def emit(robot: Robot, backend: Backend, motion: MotionLaw | None = None, contro
         poses = whole.spread(poses_of(robot, program.motion))
         step = choose_step(whole.robot, backend, imposed=program.control.mode == "motion", poses=poses)
         program = replace(program, step=step)
-    return backend.emit(whole.robot, whole_program(whole, program))
+    return backend.begin(whole.robot, whole_program(whole, program))
 
 
 def concept_report(robot: Robot, emission: Emission) -> str:

@@ -7,7 +7,7 @@ the emitted files and nothing else.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal
 
@@ -191,6 +191,7 @@ class Backend(ABC):
         stable: Largest step times eigenvalue at which the integrator is stable.
         scripted: What it emits runs a program by itself.
         runs: It has an engine here; a format for engines elsewhere is emitted only.
+        compiles: Its emission waits for a compiler, so that it is begun before those of others.
     """
 
     name: ClassVar[str]
@@ -202,6 +203,7 @@ class Backend(ABC):
     stable: ClassVar[float] = 2.0
     scripted: ClassVar[bool] = False
     runs: ClassVar[bool] = True
+    compiles: ClassVar[bool] = False
 
     @abstractmethod
     def version(self) -> str:
@@ -218,6 +220,15 @@ class Backend(ABC):
         Raises:
             RefusedError: The format can say nothing useful of this robot.
         """
+
+    def begin(self, robot: Robot, program: Program) -> Callable[[], Emission]:
+        """`emit` in two parts: what is called then gives the emission, once a compiler is through.
+
+        Raises:
+            RefusedError: As `emit`.
+        """
+        emission = self.emit(robot, program)
+        return lambda: emission
 
     @abstractmethod
     def load(self, emission: Emission) -> Engine:

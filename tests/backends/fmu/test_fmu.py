@@ -3,6 +3,7 @@
 import io
 import subprocess
 import sys
+import threading
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +13,12 @@ import pytest
 
 from mbexport.backends import fmu_unit
 from mbexport.backends.fmu import FmuBackend
+from mbexport.backends.urdf import UrdfBackend
 from mbexport.core.build import build
 from mbexport.core.control import Control, default_pd
 from mbexport.core.database import load
 from mbexport.core.errors import RefusedError
-from mbexport.core.export import emit
+from mbexport.core.export import emit, export
 from mbexport.core.kinematics import dynamics
 from mbexport.core.motion import excitation, hold, point_to_point
 from mbexport.core.simulation import simulate
@@ -72,6 +74,26 @@ def test_the_same_robot_gives_the_same_bytes(robot_with, emitted, monkeypatch):
         for unit in (first, other.packed[other.main])
     ]
     assert guids[0] != guids[1]
+
+
+@pytest.mark.parametrize("order", [["fmu", "urdf"], ["urdf", "fmu"]])
+def test_the_compiler_works_while_other_formats_are_emitted(order, robot_with, monkeypatch, tmp_path):
+    """Whatever the order asked for, which is the order of what comes back."""
+    told = threading.Event()
+    emitted_by_urdf = UrdfBackend.emit
+
+    def emit_and_tell(self, robot, program):
+        emission = emitted_by_urdf(self, robot, program)
+        told.set()
+        return emission
+
+    monkeypatch.setattr(UrdfBackend, "emit", emit_and_tell)
+    monkeypatch.setattr("mbexport.backends.fmu.compiler", lambda: "cc")
+    monkeypatch.setattr("mbexport.backends.fmu.compiled_unit", lambda *_: b"binary" if told.wait(60.0) else b"late")
+    emissions = export(robot_with("planar2r"), order, tmp_path / "out")
+    assert list(emissions) == order
+    packed = content_of((tmp_path / "out" / "fmu" / "planar2r.fmu").read_bytes())
+    assert packed["binaries/linux64/planar2r.so" if sys.platform == "linux" else next(iter(packed))][0] == b"binary"
 
 
 @pytest.mark.parametrize("name, level", [("imece2013", "compliant"), ("imece2013", "rigid"), ("scara", "full")])
