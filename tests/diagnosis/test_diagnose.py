@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 import mbexport
+from mbexport.core.diagnosis.diagnose import _idle
+from mbexport.core.diagnosis.diagnosis import HowFar
+from mbexport.core.diagnosis.search import Found
 from mbexport.core.diagnosis.unseen import in_parts, splits
+from mbexport.core.effects import EffectRow
 
 from .pendulums import pendulum_run
 
@@ -68,3 +72,24 @@ def test_a_run_cannot_judge_itself():
     (run,) = runs(seeds=(1,))
     with pytest.raises(mbexport.UsageError, match="held out"):
         mbexport.diagnose("pendulum", [run], [run])
+
+
+def far(total, without, sure):
+    nothing = {}
+    return HowFar(nothing, nothing, nothing, total, sure, nothing, without=without)
+
+
+def test_what_does_not_help_unseen_runs_is_dropped():
+    row = EffectRow(1, {"torque": 1.0})
+    one, other = Found("coulomb_friction", 1, row, 50.0), Found("torque_offset", 1, row, 50.0)
+    names = ("coulomb_friction joint_1", "torque_offset joint_1")
+    helped = dict(zip(names, (0.3, 0.6), strict=True))
+    assert _idle([one, other], (20.0, 20.0), far(0.9, helped, (0.8, 0.95))) is None
+    harmful = dict(zip(names, (0.3, 0.95), strict=True))
+    assert _idle([one, other], (20.0, 20.0), far(0.9, harmful, (0.8, 0.95))) is other
+    # a little more is not enough where the evidence is thin
+    idle = dict(zip(names, (0.3, 0.899), strict=True))
+    assert _idle([one, other], (20.0, 5.0), far(0.9, idle, (0.8, 0.95))) is other
+    assert _idle([one, other], (20.0, 20.0), far(0.9, idle, (0.8, 0.95))) is None
+    # nor is a gain that may be none
+    assert _idle([one, other], (20.0, 20.0), far(0.1, helped, (-0.1, 0.3))) is not None

@@ -1,16 +1,22 @@
 """Which effects: on a pendulum that nothing of the package moves."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis.fit import blocks, spread
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import search
+from mbexport.core.diagnosis.refine import refined, removal
+from mbexport.core.diagnosis.search import Found, rows_of, search, without_bodies
+from mbexport.core.effects import EffectRow, effect_named
 
 from .pendulums import pendulum_run
+
+COLUMNS = [column.name for column in effect_named("link_inertia").columns]
 
 
 def question(against=None, **options):
@@ -40,3 +46,38 @@ def test_coulomb_friction_is_found_though_its_step_is_another():
     state, _ = found(question(lambda t, q, dq: 0.5 * math.tanh(dq / 2e-3)))
     assert state.found[0].effect == "coulomb_friction"
     assert state.found[0].row.values["torque"] == pytest.approx(0.5, rel=0.03)
+
+
+def test_taking_a_finding_out_by_its_covariance_is_as_good_as_fitting_without_it():
+    asked = question(lambda t, q, dq: 0.4 * dq + 0.5 * math.tanh(dq / 2e-3))
+    state, whiten = found(asked)
+    assert {item.effect for item in state.found} == {"viscous_friction", "coulomb_friction"}
+    parts = blocks(asked.evidence)
+    fit = refined(asked, whiten, state.found, parts)
+    dry = next(item for item in state.found if item.effect == "coulomb_friction")
+    rest = [item for item in state.found if item is not dry]
+    quick = removal(fit, dry.key, dry.absent).rows["viscous_friction", 1].values["coefficient"]
+    # by covariance the weights stay those of the whole fit, so that it is near, not the same
+    sigma = spread(fit.left, parts)
+    slope = fit.slope / sigma[:, None]
+    at = [k for k, key in enumerate(fit.free) if key[0] == "viscous_friction"]
+    base = asked.residual(rows_of([replace(item, row=item.absent) for item in rest]))
+    left = whiten(base) / sigma
+    exact = -float(slope[:, at[0]] @ left) / float(slope[:, at[0]] @ slope[:, at[0]])
+    assert quick == pytest.approx(exact, rel=1e-3)
+
+
+def test_evidence_of_some_runs_is_part_of_the_whole():
+    asked = question()
+    both = asked.residual({})
+    one = asked.only([1]).residual({})
+    np.testing.assert_array_equal(one, both[asked.evidence.places([1])])
+    assert 0 < len(one) < len(both)
+
+
+def test_a_body_that_cannot_be_is_no_finding():
+    asked = question()
+    hollow = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": -0.1, "Izz": 5.0})
+    assert without_bodies(asked, [Found("link_inertia", 1, hollow, 50.0)]) == {("link_inertia", 1)}
+    heavier = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.1})
+    assert without_bodies(asked, [Found("link_inertia", 1, heavier, 50.0)]) == set()
