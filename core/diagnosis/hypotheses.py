@@ -42,6 +42,7 @@ class Hypothesis:
         lower: Least value of each.
         alone: At beta = 0 it is as if the effect were not there.
         curved: Its signature holds near where it starts only.
+        carried: Its other numbers say nothing without the first, as a first moment without a mass.
     """
 
     effect: str
@@ -52,6 +53,7 @@ class Hypothesis:
     lower: Vector
     alone: bool = True
     curved: bool = False
+    carried: bool = False
 
     @property
     def place(self) -> str:
@@ -260,7 +262,8 @@ def _spring(problem: Problem, scales: Scales, name: str, at: int, known: Values 
         return {"stiffness": k, "rest": m / k}
 
     torque, way = scales.torque[at - 1], scales.way[at - 1]
-    return [Hypothesis(name, at, "", values, np.array([torque / way, torque]), np.array([-k0, -np.inf]))]
+    scale, lower = np.array([torque / way, torque]), np.array([-k0, -np.inf])
+    return [Hypothesis(name, at, "", values, scale, lower, carried=True)]
 
 
 def _compliance(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
@@ -444,7 +447,13 @@ def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values
 
     return [
         Hypothesis(
-            name, 0, "point", point, np.array([m, m * x, m * x, m * x]), np.array([-start["mass"], *[-np.inf] * 3])
+            name,
+            0,
+            "point",
+            point,
+            np.array([m, m * x, m * x, m * x]),
+            np.array([-start["mass"], *[-np.inf] * 3]),
+            carried=True,
         )
     ]
 

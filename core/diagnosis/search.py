@@ -341,14 +341,15 @@ def _differences(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vec
     for j in range(k):
         step = zero.copy()
         step[j] = STEP * hypothesis.scale[j]
-        if hypothesis.effect == "payload" and j:
+        carried = hypothesis.carried and j > 0
+        if carried:
             # a first moment needs a mass to be one of
             step[0] = STEP * hypothesis.scale[0]
         moved = hypothesis.rows(step)
         if moved is None:
             return None
         column = (problem.residual(merged(rows, moved)) - r0) / step[j]
-        columns.append(column - columns[0] * step[0] / step[j] if hypothesis.effect == "payload" and j else column)
+        columns.append(column - columns[0] * step[0] / step[j] if carried else column)
     slope = np.column_stack(columns)
     return (r0, slope) if np.all(np.isfinite(slope)) and np.all(np.isfinite(r0)) else None
 

@@ -68,7 +68,7 @@ def test_an_engine_shows_what_was_promised(asked, friction):
     # what was imagined of it comes out
     pair = friction.pairs[0]
     outcome = next(one for one in outcomes if one.truth is pair.one)
-    assert outcome.share == pytest.approx(pair.share, rel=0.2)
+    assert outcome.share == pytest.approx(pair.share, rel=0.3)
 
 
 def test_an_engine_shows_too_what_a_motion_leaves_open(asked, friction):
