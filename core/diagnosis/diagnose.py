@@ -147,7 +147,10 @@ class _Diagnosing:
         whiten = whitening(whole)
         fitted_on = ways[0].seen if holdout else tuple(range(len(ready)))
         seen, seen_whiten = whole.only(fitted_on), whiten.only(whole.evidence.places(fitted_on))
-        state = search(seen, seen_whiten, lambda what: self.tell(f"found {what}, looking on"))
+        state = Search(seen, seen_whiten)
+        state.begin()
+        if before.chance < LEVEL:
+            state = search(seen, seen_whiten, lambda what: self.tell(f"found {what}, looking on"))
         found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
         how_far, overlays, after = self._how_far(ready, ways, found, unseen)
         while (idle := _idle(found, unseen.gains, how_far)) is not None:
@@ -324,7 +327,8 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     """
     total, sure = how_far.shrinks_by, how_far.ci95
     if total is None or sure is None or not found:
-        return None
+        # a smaller gain makes less of its sensor's noise, which looks like a better fit
+        return next((item for item in found if item.effect == "controller_gain"), None)
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
         help_there = total - (how_far.without.get(_named(item).name) or 0.0)
