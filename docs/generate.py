@@ -7,7 +7,6 @@ A test holds the pages against what this gives.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import sys
@@ -385,31 +384,6 @@ def limits() -> str:
     return "\n" + table(["what", "at most"], rows) + "\n"
 
 
-STUDY = DOCS / "pictures" / "study.json"
-
-
-def study() -> str:
-    """What a finished study found, a row a parameter: total and first-order share of each figure's variance."""
-    kept = json.loads(STUDY.read_text(encoding="utf-8"))
-    found = {one["figure"]: one for one in kept["sensitivity"]}
-    names = {"tip_rms": "root mean square", "tip_max": "maximum", "tip_end": "at the end"}
-    rows: list[list[str]] = []
-    for k, parameter in enumerate(found["tip_rms"]["parameters"]):
-        cells = [f"`{parameter}`"]
-        for name in names:
-            values = found[name]["values"]
-            total, width = values["total"][k], values["total_ci"][k]
-            cells.append(f"{total:.2g} +- {width:.1g} ({values['first'][k]:.2g})" if total >= 1e-3 else "below 0.001")
-        rows.append(cells)
-    rows.append(["the error as the database stands [mm]", *(f"{1e3 * kept['nominal'][name]:.3f}" for name in names)])
-    facts = kept["facts"]
-    said = (
-        f"{facts['variants']} variants of {facts['duration']} s in {kept['engine']}, {kept['failed']} failed. Total "
-        "share with the half width of its 95 % interval, and in brackets the share that it explains alone:\n\n"
-    )
-    return "\n" + said + table(["tip's error", *names.values()], rows) + "\n"
-
-
 REGIONS: dict[str, Callable[[], str]] = {
     "tables": tables,
     "effects": effects,
@@ -418,7 +392,6 @@ REGIONS: dict[str, Callable[[], str]] = {
     "gates": gates,
     "quantities": quantities,
     "concepts": concept_map,
-    "study": study,
     "limits": limits,
 }
 

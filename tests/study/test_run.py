@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +18,22 @@ from mbexport.core.study import results_of, run_study
 from mbexport.core.study.experiment import NOMINAL, Experiment, Outcome
 from mbexport.core.study.study import Study
 
+DASK = (sys.executable, "-m", "dask")
 RESULTS = ("study.json", "variants.parquet", "sensitivity.json", "study.png", "report.html")
 
 
 def finished(study, folder, **options):
     """Run it; what it found, as files without the pictures, which take their time."""
     return results_of(study, run_study(study, folder, **options)).files()
+
+
+def awaited(look, seconds=300.0):
+    """What `look` gives once it gives something."""
+    end = time.monotonic() + seconds
+    while not (found := look()):
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.05)
+    return found
 
 
 def fake(monkeypatch, run):
@@ -181,13 +193,28 @@ def test_a_variant_that_kills_its_process_is_a_row_too(small, tmp_path, monkeypa
 
 
 def test_a_dask_cluster_makes_the_same_bytes(small, tmp_path):
-    distributed = pytest.importorskip("distributed")
+    """Scheduler and worker are processes of their own, as on any cluster; the address is all that is known of them."""
+    pytest.importorskip("distributed", reason="distributed is not installed")
     study = small("joint_compliance.stiffness@joint_1=0.5,1")
     here = finished(study, tmp_path / "here", workers=1)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, dashboard_address=None, local_directory=str(tmp_path), silence_logs=50
-    ) as cluster:
-        assert finished(study, tmp_path / "there", dask=cluster.scheduler_address) == here
+    address, started = "", []
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    try:
+        file = tmp_path / "scheduler.json"
+        words = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
+        started.append(subprocess.Popen([*DASK, "scheduler", *words], **quiet))
+        address = json.loads(awaited(lambda: file.is_file() and file.read_text()))["address"]
+        words = ["--nthreads", "2", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path)]
+        started.append(subprocess.Popen([*DASK, "worker", address, *words], **quiet))
+        import distributed
+
+        with distributed.Client(address, set_as_default=False) as client:
+            client.wait_for_workers(1, timeout=300)
+        assert finished(study, tmp_path / "there", dask=address) == here
+    finally:
+        for process in reversed(started):
+            process.kill()
+            process.wait()
 
 
 def test_a_cluster_that_is_not_there_is_one_error(small, tmp_path, monkeypatch):
