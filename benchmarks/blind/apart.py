@@ -38,7 +38,7 @@ from bodies import (
 from design import Judge, as_simulated, law_of
 from motions import through
 from numba import njit
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 from world import COLUMN, World, sampled, simulate, world_of
 
 ALIKE = 0.01
@@ -47,6 +47,8 @@ NEAR = 0.4
 # frequencies at which springs are let swing before [Hz]
 SWINGS = (3.0, 5.0, 8.0, 12.0, 20.0)
 INTEGRATED = 3
+# columns of geometry are of a milliradian or a millimetre, and stay within what is small
+MOST = dict.fromkeys(("kinematic_error", "base_tilt", "encoder_offset"), 300.0)
 # of the candidates that leave less than this, a record is kept
 KEPT = 0.5
 # rigid bodies are followed at this rate [Hz]; signals are compared at it
@@ -411,8 +413,8 @@ class Scene:
             out.append(Asked(extra=extra, reported=name not in ("torque_constant", "outside_motor_lag")))
         return out
 
-    def left(self, columns: np.ndarray) -> tuple[float, np.ndarray]:
-        """(share of the gap's energy that the best combination of columns leaves, its factors)."""
+    def left(self, columns: np.ndarray, most: float = math.inf) -> tuple[float, np.ndarray]:
+        """(share of the gap's energy that the best combination of columns leaves, its factors, none above `most`)."""
         scale = np.linalg.norm(columns, axis=0)
         good = scale > 0.0
         factors = np.zeros(columns.shape[1])
@@ -423,6 +425,9 @@ class Scene:
         kept = values > 1.0e-12 * values[-1]
         turned = (vectors[:, kept].T @ (unit.T @ self.gap)) / values[kept]
         factors[good] = vectors[:, kept] @ turned / scale[good]
+        if np.max(np.abs(factors)) > most:
+            q, r = np.linalg.qr(columns)
+            factors = lsq_linear(r, q.T @ self.gap, bounds=(-most, most)).x
         rest = self.gap - columns @ factors
         return float(rest @ rest) / self.energy, factors
 
@@ -714,7 +719,7 @@ def looked_at(recipe: dict, index: int) -> dict:
     scene = Scene(recipe, index)
     near: dict[tuple[str, int], float] = {}
     for effect, at, columns in candidates(scene):
-        left, factors = scene.left(columns)
+        left, factors = scene.left(columns, MOST.get(effect, math.inf))
         # a limit that adds torque, a delay that is none
         if effect in ("torque_limit", "delay") and factors[0] < 0.0:
             continue

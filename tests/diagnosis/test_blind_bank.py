@@ -2,6 +2,9 @@
 
 import ast
 import importlib
+import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -84,3 +87,108 @@ def test_a_free_swing_keeps_its_energy(bodies):
     kinetic = 0.5 * state[7:] @ bodies.mass_and_bias(chain, state[:7].copy(), state[7:].copy())[0] @ state[7:]
     assert kinetic > 1.0
     assert abs(bodies.energy(chain, state[:7].copy(), state[7:].copy()) - before) < 1.0e-6 * kinetic
+
+
+def tiny(what):
+    program = [sys.executable, str(Path(__file__).with_name("blind_bank_cases.py")), what]
+    plain = {**os.environ, "NUMBA_DISABLE_JIT": "1", "OMP_NUM_THREADS": "1"}
+    done = subprocess.run(program, capture_output=True, text=True, env=plain, check=False)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_perfect_model_leaves_what_the_log_states():
+    for left in tiny("perfect").values():
+        for name, mean_square in left.items():
+            # 200 values that are normal: 0.1 is one standard deviation
+            assert 0.6 < mean_square < 1.45, (name, left)
+
+
+def test_rows_that_come_late_say_so_and_are_so():
+    error = tiny("stamps")
+    assert error["late"] > 1.0e-4
+    assert error["q_cmd"] < 1.0e-8
+    # to first order in the lateness; the tick's values at these stamps would be far off
+    assert error["q"] < 0.1 * error["ticks"]
+
+
+def test_a_rotor_is_like_its_link_and_nothing_like_friction():
+    left = tiny("apart")
+    assert left["rotor_inertia"] < 1.0e-9
+    assert left["link_inertia"] < 1.0e-9
+    assert left["payload"] < 1.0e-9
+    assert min(left[name] for name in ("coulomb_friction", "viscous_friction", "base_tilt", "encoder_offset")) > 0.5
+
+
+@pytest.fixture(scope="module")
+def score():
+    sys.path.insert(0, str(BANK))
+    try:
+        yield importlib.import_module("score")
+    finally:
+        sys.path.remove(str(BANK))
+
+
+def case(score, wanted, found, *, group="single", strength="strong", alike=None, verdict="explained", total=None):
+    stated = [
+        {"effect": e, "at": at, "exact": True, "scored": True, "total": total or {"torque": 1.0}} for e, at in wanted
+    ]
+    truth = {
+        "case": {"class": group}, "stated": stated, "strength": strength, "robot": "scara", "numerical": None,
+        "sensors": {"colour": 0.0}, "control": {"mode": "pd"},
+    }  # fmt: skip
+    which = [
+        {
+            "effect": e,
+            "at": at,
+            "probability": 0.95,
+            "parameters": {"torque": {"value": 1.1, "ci95": [1.05, 1.2]}},
+            "indistinguishable_from": [{"effect": o, "at": p, "because": ""} for o, p in others],
+        }
+        for e, at, *others in found
+    ]
+    said = {"verdict": verdict, "which": which, "how_far": {}}
+    return score.Case("a", truth, said, alike, 10.0)
+
+
+def figure(score, cases, name):
+    return next(f for f in score.figures(cases) if f.name.startswith(name)).answers
+
+
+COULOMB, VISCOUS = ("coulomb_friction", "joint_1"), ("viscous_friction", "joint_1")
+
+
+def test_a_name_counts_as_far_as_it_can_be_told_apart(score):
+    right = case(score, [COULOMB], [COULOMB])
+    wrong = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB}])
+    twin = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB, VISCOUS}])
+    assert figure(score, [right, wrong, twin], "single effect: effect and place right") == [True, False]
+    assert figure(score, [right, wrong, twin], "... by its name or one") == [True, False, True]
+    in_set = case(score, [COULOMB], [(*VISCOUS, COULOMB)])
+    assert figure(score, [wrong, in_set], "single effect: truth in the reported set") == [False, True]
+    both = case(score, [COULOMB, VISCOUS], [VISCOUS, COULOMB], group="pair")
+    half = case(score, [COULOMB, VISCOUS], [VISCOUS], group="pair")
+    more = case(score, [COULOMB, VISCOUS], [VISCOUS, COULOMB, ("delay", "robot")], group="pair")
+    assert figure(score, [both, half, more], "pairs: exact") == [True, False, False]
+    assert figure(score, [both, half, more], "pairs and triples: findings").count(False) == 1
+
+
+def test_blaming_something_is_seen(score):
+    blamed = case(score, [], [COULOMB], group="nothing", strength=None, alike=[])
+    calm = case(score, [], [], group="nothing", strength=None, alike=[], verdict="no_gap")
+    assert figure(score, [blamed, calm], "nothing missing: an effect named") == [True, False]
+    faint = case(score, [COULOMB], [("delay", "robot")], strength="weak")
+    assert figure(score, [faint], "barely visible: a wrong name") == [True]
+    outside = [
+        case(score, [("outside_drag", "joint_1")], [], group="outside", verdict=v) for v in ("unexplained", "explained")
+    ]
+    assert figure(score, outside, "not in the catalogue: called unexplained") == [True, False]
+    assert case(score, [COULOMB], [COULOMB]).covers() == [False]
+    assert case(score, [COULOMB], [COULOMB], total={"torque": 1.1}).covers() == [True]
+
+
+def test_intervals_are_wilsons(score):
+    low, high = score.wilson(0, 300)
+    assert low == 0.0
+    assert abs(high - 0.01264) < 1.0e-4
+    assert score.wilson(0, 0) == (0.0, 1.0)

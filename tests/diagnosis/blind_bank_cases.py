@@ -1,0 +1,88 @@
+"""Tiny cases of the blind bank, run by tests as a process of their own: not compiled, for that would take longer."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "benchmarks" / "blind"))
+
+
+def recipe(mode, **sensors):
+    from design import base_recipe
+
+    made = base_recipe(np.random.default_rng(3), "pendulum", "positions", 0.4)
+    made |= {"effects": [], "numerical": None, "strength": None, "ratio": 0.0}
+    made["control"] |= {"mode": mode, "rate": 500.0, "feedforward": "none"}
+    made["database"].pop("coulomb_friction", None)
+    made["database"].pop("viscous_friction", None)
+    made["runs"] = made["runs"][:1]
+    made["runs"][0]["kind"] = "rich"
+    made["sensors"] |= {
+        "channels": ["q", "dq", "tau"],
+        "colour": 0.0,
+        "steps": {"q": 1.0, "tau": 0.5},
+        "jitter": 0.0,
+        "gap": None,
+        "stated": True,
+        "loop": False,
+        "every": 1,
+    } | sensors
+    return made
+
+
+def perfect():
+    """Mean squares, in units of what the log states, that the generator's own truth leaves."""
+    from record import log_file, measured
+    from ruamel.yaml import YAML
+
+    out = {}
+    for loop in (False, True):
+        case = recipe("pd", loop=loop)
+        columns, truth = measured(case, case["runs"][0])
+        stated = YAML(typ="safe").load(log_file(case))["noise"]
+        out[str(loop)] = {
+            name: float(np.mean(((columns[f"{name}_1"] - truth.channel(name)[:, 0]) / stated[name][0]) ** 2))
+            for name in ("q", "dq", "tau")
+        }
+    return out
+
+
+def stamps():
+    """Largest error of positions and commands at their own, jittering stamps, and the error of ticks in their place."""
+    from design import law_of
+    from record import measured
+
+    quiet = {name: [0.0] for name in ("q", "dq", "tau")}
+    case = recipe("motion", jitter=1.0e-4, steps={})
+    case["sensors"]["sigma"] = {**case["sensors"]["sigma"], **quiet}
+    columns, truth = measured(case, case["runs"][0])
+    law = law_of(case, case["runs"][0])
+    ticks = np.arange(len(truth.q)) / 500.0
+    k = np.minimum((columns["t"] / law.spacing).astype(int), len(law.coefficients) - 1)
+    c, x = law.coefficients[k, 0], columns["t"] - k * law.spacing
+    at_stamps = sum(c[:, power] * x**power for power in range(6))
+    return {
+        "late": float(np.max(columns["t"] - ticks)),
+        "q": float(np.max(np.abs(columns["q_1"] - at_stamps))),
+        "q_cmd": float(np.max(np.abs(columns["q_cmd_1"] - at_stamps))),
+        "ticks": float(np.max(np.abs(truth.q[:, 0] - at_stamps))),
+    }
+
+
+def apart():
+    """What a pendulum's rotor is like, where its drive follows the motion: what each other leaves."""
+    from apart import MOST, Scene, candidates
+
+    case = recipe("motion", channels=["tau"])
+    case["effects"] = [{"effect": "rotor_inertia", "at": 1, "parameters": {"inertia": 0.02}, "form": 0}]
+    scene = Scene(case, 0)
+    left = {}
+    for name, _, columns in candidates(scene):
+        left[name] = min(left.get(name, 1.0), scene.left(columns, MOST.get(name, np.inf))[0])
+    return left
+
+
+if __name__ == "__main__":
+    print(json.dumps({"perfect": perfect, "stamps": stamps, "apart": apart}[sys.argv[1]]()))
