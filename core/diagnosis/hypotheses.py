@@ -18,6 +18,8 @@ from ..effects import Column, EffectRow, catalogue, effect_named
 from ..expansion import SHORTEST_BEND
 from ..kinematics import dynamics
 from .evidence import differences
+from .inverse import Said
+from .prepare import Prepared
 from .problem import Problem, Rows
 
 Vector = NDArray[np.float64]
@@ -91,12 +93,21 @@ class Scales:
     length: float = 1.0
 
 
+def _felt(run: Prepared, speech: Said) -> Vector | None:
+    """The torque that a run's motors had: measured, or as its controller asked for it."""
+    return run.measured.get("tau", speech.u)
+
+
 def scales_of(problem: Problem, rows: Rows) -> Scales:
     """Scales from the runs and the robot with these rows."""
     evidence = problem.evidence
     robots = problem.robots(rows)
     spoken = problem.spoken(rows)
     torque = np.sqrt(np.mean(np.concatenate([s.tau_link**2 for s in spoken]), axis=0))
+    # a joint that should carry nothing may still feel its friction
+    felt = [values for run, s in zip(evidence.runs, spoken, strict=True) if (values := _felt(run, s)) is not None]
+    if felt:
+        torque = np.maximum(torque, np.sqrt(np.mean(np.concatenate(felt) ** 2, axis=0)))
     speed = np.sqrt(np.mean(np.concatenate([run.dq**2 for run in evidence.runs]), axis=0))
     acceleration = np.sqrt(np.mean(np.concatenate([run.ddq**2 for run in evidence.runs]), axis=0))
     q = np.concatenate([run.q for run in evidence.runs])
