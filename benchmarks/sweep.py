@@ -1,16 +1,17 @@
 """Variants of the compliant paper arm through `sweep`, against bare MuJoCo loops that take the same steps.
 
-    python benchmarks/sweep.py [VARIANTS [WORKERS]]
+    python benchmarks/sweep.py [VARIANTS [WORKERS [FOLDER]]]
 
-Every variant has other stiffnesses (Latin hypercube, 0.5 to 2 times the paper's) and draws 2 s of the Greek key, its
-motion imposed. Two loops are held against it, in as many processes:
+The variants are those of examples/studies/compliance.sh (0.5 to 2 times the paper's stiffnesses, 2 s of the Greek key,
+the motion imposed), as many as there are in whole blocks of its sampling. FOLDER takes what the sweep finds, as
+`mbexport sweep` would have left it. Two loops are held against the sweep, in as many processes:
 
 - by hand: six hinges with MuJoCo's own springs and dampers, a compiled callback that adds K theta + b theta', the tip
   read every millisecond; model, start and step are given to it. The leanest loop that finds the same tip.
 - engine alone: the emitted model in one call over the 2 s, nothing read.
 
-The three take turns in blocks of variants. Wall time is whole, processes' start included; CPU time is that of the
-processes, which a busy machine hardly changes. Ratios are loop over sweep: 1 is a sweep that costs nothing.
+The loops take one variant in four, right after the sweep. Wall time is whole, processes' start included; CPU time is
+that of the processes, which a busy machine changes less. Ratios are loop over sweep: 1 is a sweep that costs nothing.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ import os
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -31,28 +34,43 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.kinematics import dynamics, kinematics
 from mbexport.core.parallel import cores
+from mbexport.core.report.study import write_study
 from mbexport.core.simulation import Program, backend_named
 from mbexport.core.simulation.settle import imposed_start
-from mbexport.core.study import Study, plan_study, run_study
+from mbexport.core.study import Study, plan_study, results_of, run_study
 from mbexport.core.study.figures import figure_names
 
 DURATION = 2.0
 PERIOD = 1.0e-3
-BLOCK = 100
+# loops are run for one variant in so many
+EVERY = 4
+SEED = 2013
 DAMPING = (1.3e3, 5.5e2, 4.0e2, 1.1e2, 39.0, 4.3)
 
 
-def study_of(variants: int, seed: int) -> Study:
-    """Some variants of the compliant arm."""
+def study_of(variants: int) -> Study:
+    """The paper's question on some variants."""
     return plan_study(
         mbexport.load("imece2013"),
         ["joint_compliance.stiffness@all=0.5:2"],
         level="compliant",
         duration=DURATION,
-        sampling="lhs",
+        sampling="sobol",
         count=variants,
-        seed=seed,
+        seed=SEED,
     )
+
+
+def part_of(study: Study, chosen: Sequence[int]) -> Study:
+    """The same study of some of its variants, from 0."""
+    plan, rows = study.design, list(chosen)
+    return replace(study, design=replace(plan, values=plan.values[rows], unit=plan.unit[rows]))
+
+
+@cache
+def small() -> Study:
+    """What all variants share, planned once a process."""
+    return study_of(64)
 
 
 @cache
@@ -63,8 +81,7 @@ def hand_written() -> Any:
 
     from mbexport.core.simulation.by_address import floats
 
-    study = study_of(10, 0)
-    law = study.experiment.motion
+    law = small().experiment.motion
     robot = mbexport.build(mbexport.load("imece2013"), "rigid")
     emission = backend_named("mjcf").emit(robot, Program(law, Control(), DURATION, 1.0e-4))
     model = mujoco.MjModel.from_xml_string(emission.files[emission.main])
@@ -132,7 +149,7 @@ def reference() -> np.ndarray:
     """Where the rigid tip is, shape (m, 3)."""
     t = np.arange(round(DURATION / PERIOD) + 1) * PERIOD
     robot = mbexport.build(mbexport.load("imece2013"), "rigid")
-    return kinematics(robot).tool_in_base(study_of(10, 0).experiment.motion.at(t)[0])[:, :3, 3]
+    return kinematics(robot).tool_in_base(small().experiment.motion.at(t)[0])[:, :3, 3]
 
 
 def by_hand(springs: np.ndarray, start: np.ndarray, step: float) -> float:
@@ -144,7 +161,7 @@ def by_hand(springs: np.ndarray, start: np.ndarray, step: float) -> float:
 @cache
 def loaded(step: float) -> Any:
     """The emitted model in its engine; springs are then set in place."""
-    experiment = study_of(10, 0).experiment
+    experiment = small().experiment
     robot = experiment.robot()
     return backend_named("mjcf").engine_for(robot, Program(experiment.motion, Control(), DURATION, step)), robot
 
@@ -152,17 +169,11 @@ def loaded(step: float) -> Any:
 def engine_alone(springs: np.ndarray, _: np.ndarray, step: float) -> float:
     """The emitted model, one call."""
     engine, robot = loaded(step)
-    law = the_motion()
+    law = small().experiment.motion
     engine.drives.table.stiffness[:] = springs
     engine.reset(imposed_start(robot, engine, law), law)
     engine.advance(DURATION, round(DURATION / step))
     return 0.0
-
-
-@cache
-def the_motion() -> Any:
-    """The motion, planned once a process."""
-    return study_of(10, 0).experiment.motion
 
 
 def starts(study: Study) -> list[np.ndarray]:
@@ -196,34 +207,29 @@ def in_processes(function: Any, tasks: list[Any], workers: int) -> list[float]:
 
 def main() -> None:
     """Print times, ratios, and how far the loop by hand is from the sweep."""
-    variants = int(sys.argv[1]) if len(sys.argv) > 1 else 40
+    variants = int(sys.argv[1]) if len(sys.argv) > 1 else 64
     workers = int(sys.argv[2]) if len(sys.argv) > 2 else cores()
+    study = study_of(variants)
     rms, step = (figure_names(6).index(name) for name in ("tip_rms", "step"))
-    total = np.zeros((3, 2))
-    worst, steps = 0.0, 0
-    done = 0
-    while done < variants:
-        study = study_of(max(2, min(BLOCK, variants - done)), seed=done)
-        begun = starts(study)
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder) / "study"
-            outcomes, *swept = timed(lambda s=study, p=place: run_study(s, p, workers=workers))
-        ran = [outcomes[i] for i in range(len(study.design))]
-        tasks = [(v, q, o.figures[step]) for v, q, o in zip(study.design.values, begun, ran, strict=True)]
-        found, *hand = timed(lambda t=tasks: in_processes(by_hand, t, workers))
-        _, *alone = timed(lambda t=tasks: in_processes(engine_alone, t, workers))
-        total += [swept, hand, alone]
-        worst = max(worst, *(abs(a - o.figures[rms]) for a, o in zip(found, ran, strict=True)))
-        steps += sum(round(DURATION / o.figures[step]) for o in ran)
-        done += len(ran)
-    print(
-        f"{done} variants of {DURATION} s, {steps} steps of RK4, {workers} workers; one more, nominal, is the sweep's"
-    )
-    print(f"{'':<14} {'wall [s]':>9} {'CPU [s]':>9} {'steps/s of CPU':>15} {'wall ratio':>11} {'CPU ratio':>10}")
-    for name, (wall, cpu) in zip(("sweep", "by hand", "engine alone"), total.tolist(), strict=True):
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(sys.argv[3]) if len(sys.argv) > 3 else Path(folder) / "study"
+        outcomes, *swept = timed(lambda: run_study(study, place, workers=workers))
+        if len(sys.argv) > 3:
+            write_study(results_of(study, outcomes), place)
+    count = len(study.design)
+    chosen = range(0, count, EVERY)
+    begun = starts(part_of(study, chosen))
+    tasks = [(study.design.values[i], q, outcomes[i].figures[step]) for i, q in zip(chosen, begun, strict=True)]
+    tips, *hand = timed(lambda: in_processes(by_hand, tasks, workers))
+    _, *alone = timed(lambda: in_processes(engine_alone, tasks, workers))
+    worst = max(abs(tip - outcomes[i].figures[rms]) for i, tip in zip(chosen, tips, strict=True))
+    print(f"{count} variants of {DURATION} s in {swept[0]:.0f} s on {workers} workers; loops over {len(tasks)} of them")
+    print(f"{'':<14} {'wall [s/variant]':>17} {'CPU [s/variant]':>16} {'wall ratio':>11} {'CPU ratio':>10}")
+    each = {"sweep": (swept, count), "by hand": (hand, len(tasks)), "engine alone": (alone, len(tasks))}
+    for name, ((wall, cpu), number) in each.items():
         print(
-            f"{name:<14} {wall:>9.1f} {cpu:>9.1f} {steps / cpu:>15.0f} {wall / total[0, 0]:>11.2f} "
-            f"{cpu / total[0, 1]:>10.2f}"
+            f"{name:<14} {wall / number:>17.3f} {cpu / number:>16.3f} {wall / number / (swept[0] / count):>11.2f} "
+            f"{cpu / number / (swept[1] / count):>10.2f}"
         )
     print(f"largest difference of the tip's error (rms) between sweep and the loop by hand: {worst:.1e} m")
 

@@ -21,8 +21,8 @@ VERBS = {
     "agree": "Prove that all engines run the same robot.",
     "diagnose": "Say where the gap to recorded runs lies, which effect causes it, how far it shrinks with it.",
     "sweep": "Run many variants of a robot: what the tip's error owes to which parameter.",
-    "fleet": "Diagnose many robots, and say what they have in common.",
     "paper": "Do the paper's study again: its figures, and what ours says to its statements.",
+    "fleet": "Diagnose many robots, and say what they have in common.",
     "studio": "Change a robot by sliders in the browser, and see what its tip makes of it.",
     "demo": "All of it on the built-in robot, in one go.",
 }
