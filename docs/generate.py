@@ -7,6 +7,7 @@ A test holds the pages against what this gives.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import sys
@@ -384,6 +385,38 @@ def limits() -> str:
     return "\n" + table(["what", "at most"], rows) + "\n"
 
 
+STUDY = DOCS / "pictures" / "study.json"
+
+
+def study() -> str:
+    """What a finished study found, a row a parameter: shares of the error's variance, or its mean changes."""
+    kept = json.loads(STUDY.read_text(encoding="utf-8"))
+    found = {one["figure"]: one["values"] for one in kept["sensitivity"]}
+    names = {"tip_rms": "root mean square", "tip_max": "maximum", "tip_end": "at the end"}
+    shares = "total" in found["tip_rms"]
+    rows: list[list[str]] = []
+    for k, parameter in enumerate(kept["sensitivity"][0]["parameters"]):
+        cells = [f"`{parameter}`"]
+        for name in names:
+            values = {index: float(value[k]) for index, value in found[name].items()}
+            if shares:
+                cells.append(f"{values['total']:.3f} +- {values['total_ci']:.3f} ({values['first']:.3f})")
+            else:
+                changes = (f"{1e3 * values[index]:.4f}" for index in ("mean_effect", "spread_effect"))
+                cells.append(" +- ".join(changes))
+        rows.append(cells)
+    stands = (f"{1e3 * kept['nominal'][name]:.4f}" for name in names)
+    rows.append(["the error as the database stands [mm]", *stands])
+    meaning = (
+        "total share of the error's variance with half its 95 % interval, in brackets the share that it explains alone"
+        if shares
+        else "mean change of the error over the parameter's whole range, and its spread over the trajectories [mm]"
+    )
+    facts = kept["facts"]
+    said = f"{facts['variants']} variants of {facts['duration']} s in {kept['engine']}, {kept['failed']} failed:"
+    return f"\n{said}\n{meaning}.\n\n" + table(["tip's error", *names.values()], rows) + "\n"
+
+
 REGIONS: dict[str, Callable[[], str]] = {
     "tables": tables,
     "effects": effects,
@@ -392,6 +425,7 @@ REGIONS: dict[str, Callable[[], str]] = {
     "gates": gates,
     "quantities": quantities,
     "concepts": concept_map,
+    "study": study,
     "limits": limits,
 }
 
