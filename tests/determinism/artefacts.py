@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 import locale
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 EFFECTS = ("coulomb_friction", "delay", "hysteresis", "joint_compliance", "rotor_inertia", "torque_ripple", "payload")
 
 
-def emissions() -> Iterator[tuple[str, str]]:
+def emissions() -> Iterator[tuple[str, str | bytes]]:
     """Models and scripts in every format, with their concept reports."""
     from mbexport.core.agreement.samples import sampled
     from mbexport.core.build import build
@@ -31,8 +33,8 @@ def emissions() -> Iterator[tuple[str, str]]:
             except RefusedError as error:
                 yield f"{name} {robot.name} {robot.level}", str(error)
                 continue
-            for file, text in emission.files.items():
-                yield f"{name} {robot.level} {file}", text
+            for file, content in {**emission.files, **emission.packed}.items():
+                yield f"{name} {robot.level} {file}", content
             yield f"{name} {robot.name} {robot.level} concepts", concept_report(robot, emission)
 
 
@@ -67,6 +69,55 @@ def reports() -> Iterator[tuple[str, str]]:
     yield "agreement.html", agreement_page(answer)
 
 
+def studies() -> Iterator[tuple[str, str | bytes]]:
+    """A small study as it is written: table, indices, picture and page."""
+    from mbexport.core.database import load
+    from mbexport.core.report.study import write_study
+    from mbexport.core.study import plan_study, results_of, run_study
+
+    study = plan_study(
+        load("planar2r"),
+        ["joint_compliance.stiffness@all=0.5:2", "inertia.mass[kg]@arm_1=-0.1:1"],
+        level="compliant",
+        motion="hold",
+        duration=0.01,
+        sampling="morris",
+        count=16,
+        seed=5,
+    )
+    folder = Path("study")
+    write_study(results_of(study, run_study(study, folder, workers=1)), folder)
+    for path in sorted(folder.iterdir()):
+        yield f"study {path.name}", path.read_bytes()
+
+
+def diagnoses() -> Iterator[tuple[str, str]]:
+    """A diagnosis as it is written: verdict, page and tables, from the example that the tests share."""
+    from mbexport.core.build import build
+    from mbexport.core.control import default_pd
+    from mbexport.core.database import FrozenMap, load, with_effects
+    from mbexport.core.diagnosis.written import files_of
+    from mbexport.core.effects import EffectRow
+    from mbexport.core.motion import motion_named
+    from mbexport.core.report.diagnosis_page import diagnosis_page
+    from mbexport.core.simulation import simulate
+
+    spec = importlib.util.spec_from_file_location("shared", Path(__file__).parents[1] / "conftest.py")
+    assert spec is not None and spec.loader is not None
+    shared = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(shared)
+    bare = replace(load("imece2013"), effects=FrozenMap())
+    rows = {"coulomb_friction": (EffectRow(2, FrozenMap(shared.FRICTION)),)}
+    nominal, corrected = build(bare), with_effects(bare, rows)
+    motion, control = motion_named(nominal, "greca"), default_pd(nominal)
+    before, after = (simulate(robot, "mjcf", motion, control, duration=0.5, rate=250.0, nominal=nominal)
+                     for robot in (nominal, build(corrected)))  # fmt: skip
+    measured = after.with_noise({"q": [2e-5] * 6, "tau": [0.3] * 6, "ee": [2e-5]}, 3)
+    found = shared.explained.__wrapped__((corrected, rows, measured, before, after))
+    for file, text in files_of(found, diagnosis_page(found)).items():
+        yield f"diagnosis {file}", text
+
+
 def databases() -> Iterator[tuple[str, str]]:
     """What is written of a database, and what is said of bad ones."""
     from mbexport.core.database import built_in, load, write
@@ -94,9 +145,10 @@ def databases() -> Iterator[tuple[str, str]]:
 def main() -> None:
     """Print what there is, with a digest of it; the process speaks the language that it is told to."""
     locale.setlocale(locale.LC_ALL, "")
-    for part in (emissions, runs, reports, databases):
-        for name, text in part():
-            print(f"{name}\t{hashlib.sha256(text.encode()).hexdigest()}")
+    for part in (emissions, runs, reports, studies, diagnoses, databases):
+        for name, content in part():
+            raw = content.encode() if isinstance(content, str) else content
+            print(f"{name}\t{hashlib.sha256(raw).hexdigest()}")
     print(f"decimal point\t{locale.localeconv()['decimal_point']}", file=sys.stderr)
 
 

@@ -54,7 +54,11 @@ def test_two_processes_that_have_little_in_common(tmp_path, german):
     assert {name for name in here if here[name] != there[name]} == set()
     # it is about something
     assert len(here) > 100
-    for part in ("mjcf", "urdf", "exudyn", "pybullet", "run data.csv", "concepts", "agreement.html", "problems"):
+    for part in (
+        "mjcf", "urdf", "exudyn", "pybullet", ".adm", ".cmd", "simscape", ".fmu", "concepts", "run data.csv",
+        "agreement.html", "variants.parquet", "study.png", "study report.html", "diagnosis.json",
+        "diagnosis report.html", "problems",
+    ):  # fmt: skip
         assert any(part in name for name in here), part
 
 
