@@ -46,8 +46,8 @@ def command(
     """Diagnose many robots, each as `diagnose` does, and say what they have in common.
 
     DIR holds a folder a case: runs/, robot/ (or robot.yaml; one beside the cases counts for those that have none), and
-    holdout/ where some runs are to be held out. Writes a folder a case, cases.csv, findings.csv and report.html. A fleet that was stopped goes on where it was: give
-    the same command again. Exit status 1: no case could be diagnosed.
+    holdout/ where some runs are to be held out. Writes a folder a case, cases.csv, findings.csv and report.html. A
+    fleet that was stopped goes on where it was: give the same command again. Exit status 1: no case could be diagnosed.
     """
     from ..fleet import cases_in, fleet_of, plan_fleet, run_fleet
     from ..report.diagnosis_page import diagnosis_page

@@ -49,7 +49,8 @@ class Trace:
         """The same run with white Gaussian noise on what sensors report.
 
         Args:
-            sigma: Signal (q, dq, q_link, tau, tau_link, ee [m], ee_rot [rad]) to standard deviations, one a joint (ee's: one).
+            sigma: Signal (q, dq, q_link, tau, tau_link, ee [m], ee_rot [rad]) to standard deviations, one a joint
+                (ee's: one).
             seed: The same seed gives the same noise.
         """
         from scipy.spatial.transform import Rotation
