@@ -4,8 +4,8 @@
     python staubli_tx40.py DATA/data OUT
 
 The file has motor angles [rad] and motor torques [N m]. Positions are inv(R) times motor angles, R being the gear
-ratios and R[6,5] = 32: the motor of axis 6 turns when axis 5 does. Torques are R's transpose times those of the motors. Both
-are sums of columns in log.yaml; the angles' offsets are those of the imported model.
+ratios and R[6,5] = 32: the motor of axis 6 turns when axis 5 does. Torques are R's transpose times those of the motors.
+Both are sums of columns in log.yaml; the angles' offsets are those of the imported model.
 """
 
 from __future__ import annotations
