@@ -16,7 +16,7 @@ from mbexport.core.report.study import write_study
 from mbexport.core.study import plan_study, results_of, run_study
 
 VARY, OPTIONS = "joint_compliance.stiffness@all=0.5:2", {"level": "compliant", "motion": "hold", "duration": 0.4}
-VARIANTS, PATIENCE = 40, 300.0
+VARIANTS, PATIENCE = 200, 300.0
 COMMAND = (
     sys.executable, "-c", "from mbexport.core.cli import main; main()", "sweep", "planar2r", "--vary", VARY,
     "--level", "compliant", "--motion", "hold", "--duration", "0.4", "--sample", "random", "--count", str(VARIANTS),
