@@ -17,8 +17,15 @@ from mbexport.core.study import plan_study, results_of, run_study
 
 VARY, OPTIONS = "joint_compliance.stiffness@all=0.5:2", {"level": "compliant", "motion": "hold", "duration": 0.4}
 VARIANTS, PATIENCE = 200, 300.0
+# what a shell starts in the background ignores interrupts, and so would what it starts
+PROGRAM = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from mbexport.core.cli import main
+main()
+"""
 COMMAND = (
-    sys.executable, "-c", "from mbexport.core.cli import main; main()", "sweep", "planar2r", "--vary", VARY,
+    sys.executable, "-c", PROGRAM, "sweep", "planar2r", "--vary", VARY,
     "--level", "compliant", "--motion", "hold", "--duration", "0.4", "--sample", "random", "--count", str(VARIANTS),
     "--workers", "2", "-o",
 )  # fmt: skip
