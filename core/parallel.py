@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import signal
 import threading
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -173,7 +174,7 @@ def _alone(work: Work[Given, Result], staff: _Staff[Given, Result], task: tuple[
         return work.died(*task)
 
 
-class _Staff(Generic[Given, Result]):
+class _Staff(ABC, Generic[Given, Result]):
     """Runs tasks, some at a time.
 
     Attributes:
@@ -182,9 +183,9 @@ class _Staff(Generic[Given, Result]):
 
     slots = 1
 
+    @abstractmethod
     def submit(self, number: int, given: Given) -> Future[Result]:
         """Have a task run; a process that dies of it is an exception of `deaths` in the future."""
-        raise NotImplementedError
 
     @property
     def deaths(self) -> tuple[type[BaseException], ...]:

@@ -304,19 +304,20 @@ class Track:
         for have, values in zip(motion, self.points, strict=True):
             have[:, driven] = values
         base = inverse_dynamics(chain, *motion)
-        answers = []
-        for order in range(3):
-            step = (1.0e-5, 1.0e-4, 1.0)[order]
+
+        def answer(order: int, step: float) -> np.ndarray:
             other = [values.copy() for values in motion]
             other[order][:, node] += step
-            answers.append((inverse_dynamics(chain, *other) - base) / step)
+            return (inverse_dynamics(chain, *other) - base) / step
+
         tips = []
         for step in (0.0, 1.0e-6):
             other = motion[0].copy()
             other[:, node] += step
             frames = node_frames(chain, other, tool_node)
             tips.append(frames[:, :, :3] @ tool[:3, 3] + frames[:, :, 3])
-        return (*answers, base, (tips[1] - tips[0]) / 1.0e-6)  # type: ignore[return-value]
+        tip = (tips[1] - tips[0]) / 1.0e-6
+        return answer(0, 1.0e-5), answer(1, 1.0e-4), answer(2, 1.0), base, tip
 
     def gives(self, answers, driven: list[int], shift: np.ndarray, joint: int | None) -> Asked:
         """What a small shift (m thin,) of one node asks of the drives; `joint`: the one whose arm it is."""

@@ -206,9 +206,10 @@ def figures(cases: list[Case]) -> list[Figure]:
     foreign = of("outside")
     distinct_foreign = [c for c in foreign if c.alike is None or c.distinct]
     named = [(case, finding) for case in of("single", "positions", "pair", "triple") for finding in case.said["which"]]
-    right_and_explained = [c for c in catalogued if c.exact_as_far and c.over_floor is not None]
-    claims = [c for c in cases if c.shrinks is not None and c.claimed is not None]
-    off = [abs(c.claimed - c.shrinks[0]) for c in claims]  # type: ignore[operator, index]
+    over_floor = [size for c in catalogued if c.exact_as_far and (size := c.over_floor) is not None]
+    truly = [(c, c.shrinks[0]) for c in cases if c.shrinks is not None]
+    off = [abs(said - true) for c, true in truly if (said := c.claimed) is not None]
+    worse = [true < 0.0 for c, true in truly if c.claimed is not None and c.named]
 
     def named_right(cases: list[Case]) -> list[bool]:
         return [c.exact for c in cases if c.distinct]
@@ -280,12 +281,12 @@ def figures(cases: list[Case]) -> list[Figure]:
         Figure(
             "right ones: held-out gap within 1.2 times the noise floor",
             "all",
-            [c.over_floor <= NOISE_FLOOR for c in right_and_explained],  # type: ignore[operator]
+            [size <= NOISE_FLOOR for size in over_floor],
         ),
-        Figure("... its size", "1.2", text=middle(c.over_floor for c in right_and_explained)),  # type: ignore[misc]
+        Figure("... its size", "1.2", text=middle(over_floor)),
         Figure("claimed against true shrinkage within 5 points", "all", [x <= CLOSE for x in off]),
         Figure("... how far off", "0.05", text=middle(off, 3)),
-        Figure("made worse, truly, by what was found", "", [c.shrinks[0] < 0.0 for c in claims if c.named]),  # type: ignore[index]
+        Figure("made worse, truly, by what was found", "", worse),
         Figure("numerical suspects named as physics", "0", [bool(c.named) for c in of("numerical")]),
         Figure("took 60 s or less", "all", [c.seconds <= SECONDS for c in cases]),
         Figure("seconds a case", "", text=middle((c.seconds for c in cases), 1)),

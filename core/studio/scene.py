@@ -277,5 +277,6 @@ def _mesh(file: str, folder: Path | None) -> Any:
     trimesh: Any = import_module("trimesh")
     try:
         return trimesh.load((folder or Path()) / file, force="mesh", skip_materials=True)
+    # trimesh raises the last where a file is of a kind that it does not read
     except (OSError, ValueError, TypeError, KeyError, IndexError, NotImplementedError):
         return None

@@ -50,6 +50,7 @@ def library(tmp_path_factory):
     """library(n): bytes of pd.c compiled for n joints."""
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
+        # the unit must be native code that nothing of the package made
         pytest.skip("no C compiler to make the controller's unit with")
     kept = {}
 
@@ -70,6 +71,7 @@ def pd_unit(fmpy, library, tmp_path):
 
     def pack(n, place=PLACE, name="pd.fmu", **changes):
         if fmpy.platform != "linux64":
+            # a unit holds its library in a folder named after the platform, and this one is built for one
             pytest.skip("the test's unit is packed for Linux")
         path = tmp_path / name
         with zipfile.ZipFile(path, "w") as archive:

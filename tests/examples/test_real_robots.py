@@ -25,6 +25,7 @@ DATA = ROOT.parent / "shared" / "data"
 def data(*parts: str) -> Path:
     path = DATA.joinpath(*parts)
     if not path.exists():
+        # measured runs of other people's robots are no part of the project
         pytest.skip(f"there is no {path.relative_to(ROOT.parent)} beside the project")
     return path
 

@@ -65,6 +65,7 @@ def browser():
     playwright = pytest.importorskip("playwright.sync_api", reason="looking at the page needs playwright")
     program = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome")) if p), None)
     if program is None:
+        # a browser is no Python package; what the page's server does is tested without
         pytest.skip("Chromium is not installed: the page is looked at in it (apt-get install chromium)")
     flags = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
     with playwright.sync_playwright() as driver:

@@ -22,6 +22,7 @@ POSE = ("ee_x", "ee_y", "ee_z", "ee_qw", "ee_qx", "ee_qy", "ee_qz")
 @pytest.fixture(scope="session")
 def needs_compiler():
     if compiler() is None:
+        # what is tested then is the compiled unit; its sources are tested without
         pytest.skip("no C compiler: units are emitted as sources only")
 
 

@@ -249,6 +249,7 @@ def test_a_motor_without_inertia_is_refused():
 def test_the_unit_needs_no_python(robot_with, emitted, opened, tmp_path):
     """Its library depends on nothing but C's."""
     if not sys.platform.startswith("linux"):
+        # ldd is Linux'; other systems have other tools for the same question
         pytest.skip("how a library names what it depends on is looked up on Linux only")
     content = content_of(emitted(robot_with("planar2r")))
     name = next(name for name in content if name.startswith("binaries/"))
