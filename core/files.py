@@ -35,10 +35,7 @@ def write_whole(
         if relative.is_absolute() or ".." in relative.parts:
             raise UsageError(f"{name!r} would be written outside of {folder}; names must stay inside the folder.")
         targets.append((folder / relative, content.encode("utf-8") if isinstance(content, str) else content))
-    in_the_way = [path for path, _ in targets if path.exists() and (not force or path.is_dir())]
-    if in_the_way:
-        shown = ", ".join(str(path) for path in in_the_way[:3]) + (" ..." if len(in_the_way) > 3 else "")
-        raise UsageError(f"{shown} exists already; choose another place or give --force.")
+    insist_on_room(folder, files, force=force)
     made = _missing_parents([path for path, _ in targets])
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -57,6 +54,24 @@ def write_whole(
             raise UsageError(f"cannot write into {folder}: {error.strerror or error}.") from error
         raise
     return tuple(path for path, _ in targets)
+
+
+def insist_on_room(folder: Path, names: Iterable[str], *, force: bool) -> None:
+    """Refuse files that are in the way of new ones; by itself for what is asked before minutes of work.
+
+    Args:
+        folder: Where new files go.
+        names: Their relative POSIX paths.
+        force: Files may be replaced; a folder in the place of one may not.
+
+    Raises:
+        UsageError: Something is in the way.
+    """
+    places = [folder / name for name in names]
+    in_the_way = [place for place in places if place.exists() and (not force or place.is_dir())]
+    if in_the_way:
+        shown = ", ".join(str(place) for place in in_the_way[:3]) + (" ..." if len(in_the_way) > 3 else "")
+        raise UsageError(f"{shown} exists already; choose another place or give --force.")
 
 
 def _move_all(staging: Path, places: list[Path], going: list[Path]) -> None:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
 from pathlib import Path
 
 import click
 
-from ..errors import UsageError
-from .common import force_option, json_option, level_options, on_terminal, print_json
+from .common import (
+    backends_of,
+    backends_option,
+    effects_of,
+    force_option,
+    json_option,
+    level_options,
+    names_of,
+    print_json,
+    progress,
+)
 
 JSON_FILE = "agreement.json"
 PAGE = "agreement.html"
@@ -19,13 +26,7 @@ PAGE = "agreement.html"
 
 @click.command("agree", epilog="\b\nExample:\n  mbexport agree imece2013 --level compliant -o report")
 @click.argument("robot", default="imece2013")
-@click.option(
-    "--backends",
-    default="all",
-    show_default=True,
-    metavar="NAME,...",
-    help="Backends, separated by commas; all: every one that can run.",
-)
+@backends_option("Backends, separated by commas")
 @level_options
 @click.option(
     "--only",
@@ -53,24 +54,19 @@ def command(
     Writes agreement.json and agreement.html. Exit status 1 where they do not agree.
     """
     from ..agreement import agree
-    from ..files import write_whole
+    from ..files import insist_on_room, write_whole
     from ..report import agreement_page
 
-    if level is not None and with_ is not None:
-        raise UsageError("--level and --with exclude each other; give one of them.")
-    if not force:
-        in_the_way = [output / name for name in (JSON_FILE, PAGE) if (output / name).exists()]
-        if in_the_way:
-            # before the minutes of work, not after them
-            raise UsageError(f"{in_the_way[0]} exists already; choose another place or give --force.")
-    with _progress() as tell:
+    effects, chosen = effects_of(level, with_), backends_of(backends)
+    insist_on_room(output, (JSON_FILE, PAGE), force=force)
+    with progress("comparing") as tell:
         answer = agree(
             robot,
-            "all" if backends == "all" else _names(backends),
+            "all" if chosen is None else chosen,
             level or "full",
-            effects=None if with_ is None else _names(with_),
+            effects=effects,
             with_effects=with_effects,
-            quantities=None if only is None else _names(only),
+            quantities=None if only is None else names_of(only),
             duration=duration,
             tell=tell,
         )
@@ -87,25 +83,3 @@ def command(
         click.echo(f"{output / PAGE}")
     if not answer.agreed:
         sys.exit(1)
-
-
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-@contextmanager
-def _progress() -> Generator[Callable[[str, int, int], None] | None]:
-    """A bar on a terminal, nothing elsewhere."""
-    if not on_terminal():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("comparing")
-
-        def tell(what: str, done: int, total: int) -> None:
-            bar.update(task, description=what, completed=done, total=total)
-
-        yield tell

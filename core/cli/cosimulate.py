@@ -5,15 +5,26 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from .common import build_robot, force_option, json_option, level_options, load_database, on_terminal, print_json
+from .common import (
+    build_robot,
+    duration_option,
+    force_option,
+    json_option,
+    level_options,
+    load_database,
+    on_terminal,
+    print_json,
+)
 
 EXAMPLE = """\b
 Examples:
   mbexport cosimulate imece2013 --motion greca --level compliant --duration 1 --memory -o coupled
   mbexport cosimulate planar2r --motion excitation --level compliant --interval 0.002 --interval 0.001 -o coupled
+  mbexport cosimulate planar2r --motion excitation --controller pd.fmu -o coupled
 """
 
 
@@ -27,8 +38,18 @@ Examples:
     type=click.Path(path_type=Path),
     help="A log.yaml or its control part, mode pd (default: gains that suit the robot).",
 )
-@click.option("--lag", type=float, default=1e-3, show_default=True, metavar="S", help="Lag of the current loops [s].")
-@click.option("--integral", type=float, default=math.inf, metavar="S", help="Reset time of an integral part [s].")
+@click.option(
+    "--controller",
+    "unit",
+    type=click.Path(path_type=Path),
+    metavar="FILE.fmu",
+    help="A controller of others, a co-simulation unit of FMI 2.0; its native code is executed.",
+)
+@click.option(
+    "--signals", type=click.Path(path_type=Path), help="What the controller's variables mean, where their names do not."
+)
+@click.option("--lag", type=float, metavar="S", help="Lag of the current loops [s] (default: 0.001).")
+@click.option("--integral", type=float, metavar="S", help="Reset time of an integral part [s] (default: none).")
 @click.option(
     "--interval",
     "intervals",
@@ -46,7 +67,7 @@ Examples:
     help="What is between communication points: 0 held, 1 or 2 extrapolated; repeatable (default: all).",
 )
 @click.option("--memory", is_flag=True, help="Each once more with feedback that is one communication step late.")
-@click.option("--duration", type=float, metavar="S", help="How long [s] (default: the motion's).")
+@duration_option
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the results.")
 @force_option
 @json_option
@@ -58,8 +79,10 @@ def command(
     with_: str | None,
     with_effects: Path | None,
     control: Path | None,
-    lag: float,
-    integral: float,
+    unit: Path | None,
+    signals: Path | None,
+    lag: float | None,
+    integral: float | None,
     intervals: tuple[float, ...],
     orders: tuple[int, ...],
     memory: bool,
@@ -72,22 +95,23 @@ def command(
 
     Exit status 1: no communication step holds the loop together.
     """
-    from ..control import default_pd, read_control
-    from ..cosimulation import ContinuousController, loop_of, measure
+    from ..cosimulation import loop_of, measure
     from ..cosimulation.study import ORDERS, STEPS
-    from ..errors import UsageError
+    from ..files import insist_on_room
     from ..motion import motion_named
     from ..report.cosimulation import FILES, PAGE, answer_of, write_cosimulation
     from ..simulation import backend_named
 
-    taken = [output / name for name in FILES if (output / name).exists()]
-    if taken and not force:
-        raise UsageError(f"{taken[0]} exists already; choose another place or give --force.")
+    insist_on_room(output, FILES, force=force)
     database = load_database(robot, with_effects)
     built = build_robot(database, level, with_)
     law = motion_named(built, motion, database=database)
-    rules = read_control(control, built.n) if control else default_pd(built, feedforward="gravity")
-    loop = loop_of(built, ContinuousController.of(built, rules, law, lag=lag, integral=integral), duration)
+    if signals and not unit:
+        raise UsageError("--signals says what the variables of --controller mean; give one.")
+    if unit and (lag is not None or integral is not None):
+        raise UsageError(f"--lag and --integral are those of mbexport's own controller; {unit.name} has its own law.")
+    partner = _unit(built, law, control, unit, signals) if unit else _own(built, law, control, lag, integral)
+    loop = loop_of(built, partner, duration)
 
     def tell(doing: str) -> None:
         if on_terminal():
@@ -104,3 +128,23 @@ def command(
         click.echo(f"  {output / PAGE}")
     if not any(one.stable for one in study.measured):
         sys.exit(1)
+
+
+def _own(robot: Robot, motion: MotionLaw, control: Path | None, lag: float | None, integral: float | None) -> Partner:
+    """The controller of mbexport."""
+    from ..control import default_pd, read_control
+    from ..cosimulation import ContinuousController
+    from ..cosimulation.controller import LAG
+
+    rules = read_control(control, robot.n) if control else default_pd(robot, feedforward="gravity")
+    lag, integral = LAG if lag is None else lag, math.inf if integral is None else integral
+    return ContinuousController.of(robot, rules, motion, lag=lag, integral=integral)
+
+
+def _unit(robot: Robot, motion: MotionLaw, control: Path | None, unit: Path, signals: Path | None) -> Partner:
+    """A controller of others."""
+    from ..control import read_control, read_signals, read_unit
+    from ..cosimulation import UnitInLoop
+
+    read = read_unit(unit, robot.n, read_signals(signals) if signals else None)
+    return UnitInLoop.of(robot, read, motion, read_control(control, robot.n) if control else None)

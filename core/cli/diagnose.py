@@ -6,7 +6,16 @@ from pathlib import Path
 
 import click
 
-from .common import force_option, json_option, load_database, on_terminal, print_json
+from .common import (
+    backends_of,
+    backends_option,
+    force_option,
+    json_option,
+    load_database,
+    on_terminal,
+    print_json,
+    with_effects_option,
+)
 
 EXAMPLE = """\b
 Examples:
@@ -63,19 +72,9 @@ def _spread_holdout(command: click.Command, ctx: click.Context, args: list[str])
     help="Runs that no fit may see (default: each run is left out in turn).",
 )
 @click.option("--level", default="full", show_default=True, metavar="NAME", help="Level of the nominal model.")
-@click.option(
-    "--with-effects",
-    type=click.Path(path_type=Path),
-    help="Folder of effect tables whose rows replace the database's.",
-)
+@with_effects_option
 @click.option("--backend", default="mjcf", show_default=True, metavar="NAME", help="Where candidates are simulated.")
-@click.option(
-    "--backends",
-    default="all",
-    show_default=True,
-    metavar="NAME,...",
-    help="Where the corrected robot is simulated again; all: every one that can run.",
-)
+@backends_option("Where the corrected robot is simulated again")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the diagnosis.")
 @force_option
 @json_option
@@ -108,7 +107,7 @@ def command(
         holdout,
         level=level,
         backend=backend,
-        backends=None if backends == "all" else [name.strip() for name in backends.split(",") if name.strip()],
+        backends=backends_of(backends),
         progress=on_terminal(),
     )
     files = files_of(found, diagnosis_page(found))

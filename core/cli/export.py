@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import UsageError
-from .common import build_robot, force_option, json_option, level_options, load_database, print_json
+from .common import (
+    build_robot,
+    control_option,
+    force_option,
+    json_option,
+    level_options,
+    load_database,
+    print_json,
+)
 
 if TYPE_CHECKING:
     from ..representation import Robot
@@ -22,9 +30,7 @@ if TYPE_CHECKING:
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="Folder (default: NAME-export).")
 @level_options
 @click.option("--motion", metavar="NAME", help="What an emitted script runs by itself (default: hold home).")
-@click.option(
-    "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
-)
+@control_option
 @click.option("--strict", is_flag=True, help="What a format approximates or cannot say is an error.")
 @force_option
 @json_option

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import click
 
-from .common import force_option, json_option, on_terminal, print_json
+from .common import (
+    backends_of,
+    backends_option,
+    force_option,
+    goes_on,
+    json_option,
+    on_terminal,
+    print_json,
+    workers_options,
+)
 
 EXAMPLE = """\b
 Examples:
@@ -20,15 +29,8 @@ Examples:
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 @click.option("--level", default="full", show_default=True, metavar="NAME", help="Level of the nominal models.")
 @click.option("--backend", default="mjcf", show_default=True, metavar="NAME", help="Where candidates are simulated.")
-@click.option(
-    "--backends",
-    default="all",
-    show_default=True,
-    metavar="NAME,...",
-    help="Where corrected robots are simulated again; all: every one that can run.",
-)
-@click.option("--workers", type=int, metavar="N", help="Processes (default: one a core).")
-@click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster instead, tcp://host:port.")
+@backends_option("Where corrected robots are simulated again")
+@workers_options
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the fleet's results.")
 @force_option
 @json_option
@@ -54,13 +56,9 @@ def command(
     from ..report.fleet import PAGE_FILE, WORDS, write_fleet
 
     cases = cases_in(folder)
-    chosen = None if backends == "all" else [name.strip() for name in backends.split(",") if name.strip()]
-    work = plan_fleet(diagnosis_page, level=level, backend=backend, backends=chosen)
-    try:
+    work = plan_fleet(diagnosis_page, level=level, backend=backend, backends=backends_of(backends))
+    with goes_on(output):
         run_fleet(work, cases, output, workers=workers, dask=dask, force=force, progress=on_terminal())
-    except KeyboardInterrupt:
-        click.echo(f"\nmbexport: stopped; what is finished is kept, the same command goes on in {output}.", err=True)
-        raise
     fleet = fleet_of(cases, output)
     write_fleet(fleet, output)
     summary = fleet.summary()

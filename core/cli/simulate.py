@@ -9,12 +9,15 @@ import click
 
 from .common import (
     build_robot,
+    control_option,
+    duration_option,
     force_option,
     json_option,
     level_options,
     load_database,
     on_terminal,
     print_json,
+    rate_option,
 )
 
 EXAMPLE = """\b
@@ -31,9 +34,7 @@ Examples:
     "--motion", required=True, metavar="NAME", help="A motion of the database, greca, excitation, hold, or a file."
 )
 @level_options
-@click.option(
-    "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
-)
+@control_option
 @click.option(
     "--controller",
     type=click.Path(path_type=Path),
@@ -43,8 +44,8 @@ Examples:
 @click.option(
     "--signals", type=click.Path(path_type=Path), help="What the controller's variables mean, where their names do not."
 )
-@click.option("--duration", type=float, metavar="S", help="How long [s] (default: the motion's).")
-@click.option("--rate", type=float, default=1000.0, show_default=True, metavar="HZ", help="Rate of the record.")
+@duration_option
+@rate_option
 @click.option("--noise", is_flag=True, help="Add the noise that the log.yaml of --control states.")
 @click.option("--seed", type=int, default=0, show_default=True, help="Seed of the noise.")
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the run.")

@@ -8,7 +8,20 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from .common import force_option, json_option, level_options, load_database, on_terminal, print_json
+from .common import (
+    control_option,
+    duration_option,
+    effects_of,
+    force_option,
+    goes_on,
+    json_option,
+    level_options,
+    load_database,
+    on_terminal,
+    print_json,
+    rate_option,
+    workers_options,
+)
 
 if TYPE_CHECKING:
     from ..study import Sampling
@@ -42,13 +55,10 @@ Examples:
 @click.option("--backend", default="mjcf", show_default=True, metavar="NAME", help="Where variants run.")
 @click.option("--motion", default="greca", show_default=True, metavar="NAME", help="As in simulate.")
 @level_options
-@click.option(
-    "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
-)
-@click.option("--duration", type=float, metavar="S", help="How long [s] (default: the motion's).")
-@click.option("--rate", type=float, default=1000.0, show_default=True, metavar="HZ", help="Rate of the record.")
-@click.option("--workers", type=int, metavar="N", help="Processes (default: one a core).")
-@click.option("--dask", metavar="ADDRESS", help="Scheduler of a Dask cluster instead, tcp://host:port.")
+@control_option
+@duration_option
+@rate_option
+@workers_options
 @click.option("-o", "--output", required=True, type=click.Path(path_type=Path), help="Folder of the study.")
 @force_option
 @json_option
@@ -77,20 +87,18 @@ def command(
     A study that was stopped goes on where it was: give the same command again. Exit status 1: no variant ran.
     """
     from ..control import read_control
-    from ..errors import UsageError
     from ..report.study import write_study
     from ..study import plan_study, results_of, run_study
     from ..study.table import arrow_modules
 
-    if level is not None and with_ is not None:
-        raise UsageError("--level and --with exclude each other; give one of them.")
+    effects = effects_of(level, with_)
     arrow_modules()
     database = load_database(robot, with_effects)
     study = plan_study(
         database,
         vary,
         level=level,
-        effects=None if with_ is None else [name.strip() for name in with_.split(",") if name.strip()],
+        effects=effects,
         backend=backend,
         motion=motion,
         control=None if control is None else read_control(control, database.n),
@@ -102,11 +110,8 @@ def command(
     )
     if count is not None and len(study.design) != count and not as_json:
         click.echo(f"{sample}: {len(study.design)} variants make whole blocks of {study.design.block}")
-    try:
+    with goes_on(output):
         outcomes = run_study(study, output, workers=workers, dask=dask, force=force, progress=on_terminal())
-    except KeyboardInterrupt:
-        click.echo(f"\nmbexport: stopped; what is finished is kept, the same command goes on in {output}.", err=True)
-        raise
     results = results_of(study, outcomes)
     write_study(results, output)
     summary = results.summary()
