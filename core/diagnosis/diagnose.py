@@ -39,7 +39,7 @@ from .fit import Part, blocks
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor, significance
 from .nuisances import Whitening, whitening
-from .numerics import numerics, unshifted
+from .numerics import numerics, shift_of, shift_said, unshifted
 from .problem import Problem, problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
@@ -201,9 +201,14 @@ class _Diagnosing:
         """The run with its stamps put right, if they are off, after the suspects that are no physics were tried."""
         self.tell(f"step, hold and stamps of {run.name}")
         robot = robot_of(self.database, self.level, run)
-        tried = numerics(robot, robot, run, self.backend, noise_floor(self.database, self.level, run))
-        notes += tried.notes
-        return unshifted(run, tried.shift) if tried.shift else run
+        noise = noise_floor(self.database, self.level, run)
+        if not notes:
+            # what a step and a hold change is a matter of the model and is told on one run
+            notes += numerics(robot, robot, run, self.backend, noise).notes
+        shift = shift_of(run, resimulated(robot, robot, run, self.backend), noise)
+        if shift:
+            notes.append(shift_said(run, shift))
+        return unshifted(run, shift)
 
     def _gap(self, runs: Sequence[Run]) -> _Gap:
         """The gap of the robot as it is known."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Any
@@ -10,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..control.controller import feedforward_along
 from ..expansion import expanded
-from ..kinematics import dynamics, kinematics, rigid_body
-from ..kinematics.dynamics import chain_table
-from ..representation import Drive, FrictionModel, Robot
+from ..kinematics import Dynamics, dynamics, rigid_body
+from ..representation import Drive, FrictionModel, Robot, Sensor
 from ..simulation.compiled import as_it_stands, compile_text
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
@@ -24,6 +25,8 @@ Vector = NDArray[np.float64]
 
 # a gear's contact whose resonance lies so far above what is compared is rigid there
 STIFF = 3.0
+# motions of bodies that are kept, so that effects which change none of them need not work them out again
+_REMEMBERED = 24
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +58,7 @@ def _compiled(name: str) -> Any:
         rigid_body.mass_matrix_and_bias,
     ):
         as_it_stands(helper)
-    module = along if hasattr(along, name) else elastic
+    module = next(module for module in (along, elastic, rigid_body) if hasattr(module, name))
     return compile_text(getattr(module, name))
 
 
@@ -68,32 +71,21 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
         nominal: Whose rigid bodies the controller's feedforward knows.
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
     """
-    n = robot.n
-    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    moved = _moved(_bodies(robot), run)
     whole = expanded(robot, imposed=True)
-    full, driven = whole.robot, list(whole.driven)
-    theta, dtheta, ddtheta = (whole.spread(x) for x in (run.q - offsets, run.dq, run.ddq))
-    drives = _drives(full, whole.spread(creep, 1.0))
-    error = _errors(full, drives, run, theta, dtheta)
-    turned, dturned, ddturned = theta, dtheta, ddtheta
-    slope = np.zeros_like(theta)
-    if error is not None:
-        rate = np.gradient(error, run.h, axis=0)
-        turned, dturned = theta + error, dtheta + rate
-        ddturned = ddtheta + np.gradient(rate, run.h, axis=0)
-        moving = np.abs(dtheta) > 1e-9
-        slope = np.divide(rate, dtheta, out=slope, where=moving)
-    q, dq, ddq = _arms(full, run, turned, dturned, ddturned)
-    load = dynamics(full, always_compiled=True).inverse_dynamics(q, dq, ddq)
+    driven = list(whole.driven)
+    drives = _drives(whole.robot, whole.spread(creep, 1.0))
+    theta, dtheta, q, dq = moved.theta, moved.dtheta, moved.q, moved.dq
     friction, on_arm = np.empty_like(q), np.empty_like(q)
     drives.reset(_at(run.t[0], theta[0], dtheta[0]))
     # twice where something pulls on the arms: friction under load must know what the drive passes on
-    _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, load, friction, on_arm)
-    passed = load - on_arm
+    along_drives = _compiled("drives_along")
+    along_drives(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, moved.load, friction, on_arm)
+    passed = moved.load - on_arm
     if drives.needs_load and np.any(on_arm):
         drives.reset(_at(run.t[0], theta[0], dtheta[0]))
-        _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, passed, friction, on_arm)
-    passed, friction, slope = passed[:, driven], friction[:, driven], slope[:, driven]
+        along_drives(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, passed, friction, on_arm)
+    passed, friction, slope = passed[:, driven], friction[:, driven], moved.slope[:, driven]
     imposed = run.run.control.mode in ("motion", "unknown")
     inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
     gain = np.array([stage.drive.gain for stage in robot.stages])
@@ -102,9 +94,72 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
     if not imposed:
         # a torque held from its tick on makes what a continuous one would half a tick later
         tau = tau + 0.5 / run.run.control.rate * np.gradient(tau, run.h, axis=0)
-    tool = kinematics(full).tool_in_base(q)[:, :3, 3] if "ee" in run.measured else np.zeros((len(q), 3))
-    asked = _asked(robot, run, nominal)
-    return Said(tau + bias, passed, q[:, driven], tool, None if asked is None else asked[:, :n] + bias)
+    limits = tuple(stage.drive.torque_limit for stage in robot.stages)
+    asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits)
+    return Said(tau + bias, passed, q[:, driven], moved.tool, None if asked is None else asked + bias)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Moved:
+    """What a run's motor motion does to the bodies behind the drives; shapes (m, k) of all joints, passive ones too.
+
+    Attributes:
+        theta, dtheta: Motor sides.
+        q, dq: Arm sides.
+        load: Torque that moves the arms.
+        slope: Change of the transmission error with the motor's angle.
+        tool: Tool centre point in the base, shape (m, 3); zeros where the run has none.
+    """
+
+    theta: Vector
+    dtheta: Vector
+    q: Vector
+    dq: Vector
+    load: Vector
+    slope: Vector
+    tool: Vector
+
+
+def _bodies(robot: Robot) -> Robot:
+    """The robot without what moves no body where its motors' motion is given: friction, rotors, gains, limits."""
+    stages = tuple(
+        replace(
+            stage,
+            drive=Drive(
+                spring=stage.drive.spring,
+                terms=tuple(term for term in stage.drive.terms if term.kind == "error"),
+                arm_springs=stage.drive.arm_springs if stage.drive.spring else (),
+            ),
+            sensor=Sensor(stage.sensor.position_offset),
+        )
+        for stage in robot.stages
+    )
+    return Robot(robot.name, robot.gravity, robot.base, robot.base_correction, stages, robot.tool)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _moved(robot: Robot, run: Prepared) -> _Moved:
+    """Motion, load and tool of a robot's bodies; most effects change none of them."""
+    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    whole = expanded(robot, imposed=True)
+    full = whole.robot
+    theta, dtheta, ddtheta = (whole.spread(x) for x in (run.q - offsets, run.dq, run.ddq))
+    error = _errors(full, run, theta, dtheta)
+    turned, dturned, ddturned = theta, dtheta, ddtheta
+    slope = np.zeros_like(theta)
+    if error is not None:
+        rate = np.gradient(error, run.h, axis=0)
+        turned, dturned = theta + error, dtheta + rate
+        ddturned = ddtheta + np.gradient(rate, run.h, axis=0)
+        moving = np.abs(dtheta) > 1e-9
+        slope = np.divide(rate, dtheta, out=slope, where=moving)
+    arms = dynamics(full, always_compiled=True)
+    q, dq, ddq = _arms(full, arms, run, turned, dturned, ddturned)
+    load = arms.inverse_dynamics(q, dq, ddq)
+    tool = np.zeros((len(q), 3))
+    if "ee" in run.measured:
+        _compiled("points_along")(arms.table, np.array(full.tool_in_last_joint().xyz), q, tool)
+    return _Moved(theta, dtheta, q, dq, load, slope, tool)
 
 
 def _at(t: float, theta: Vector, dtheta: Vector) -> Any:
@@ -127,24 +182,28 @@ def _drives(robot: Robot, creep: Vector) -> Drives:
     return drives
 
 
-def _errors(robot: Robot, drives: Drives, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
+def _errors(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
     if not any(term.kind == "error" for stage in robot.stages for term in stage.drive.terms):
         return None
+    drives = _drives(robot, np.ones(robot.n))
     error = np.empty_like(theta)
     _compiled("errors_along")(drives.numbers, drives.counts, run.t, theta, dtheta, error)
     return error
 
 
-def _arms(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector, ddtheta: Vector) -> tuple[Vector, Vector, Vector]:
+def _arms(
+    robot: Robot, arms: Dynamics, run: Prepared, theta: Vector, dtheta: Vector, ddtheta: Vector
+) -> tuple[Vector, Vector, Vector]:
     """Where the arms are: with the motor sides, or behind their springs."""
-    arms = dynamics(robot, always_compiled=True)
+    springs = [stage.drive.spring for stage in robot.stages]
+    if not any(springs):
+        return theta, dtheta, ddtheta
     own = np.diagonal(arms.mass_matrix(theta[:1])[0])
     soft = np.array(
         [_gives(stage.drive, float(inertia), run.band) for stage, inertia in zip(robot.stages, own, strict=True)]
     )
     if not soft.any():
         return theta, dtheta, ddtheta
-    springs = [stage.drive.spring for stage in robot.stages]
     stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])
     damping = np.array([spring.damping if spring else 0.0 for spring in springs])
     half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
@@ -154,7 +213,7 @@ def _arms(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector, ddtheta: V
     arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
     q, dq, ddq = (np.empty_like(theta) for _ in range(3))
     _compiled("arms_along")(
-        chain_table(robot),
+        arms.table,
         np.flatnonzero(soft),
         stiffness,
         damping,
@@ -181,32 +240,37 @@ def _gives(drive: Drive, inertia: float, band: float) -> bool:
     return spring.gap > 0.0 or not wobbles or math.sqrt(spring.stiffness / inertia) < 2.0 * math.pi * STIFF * band
 
 
-@lru_cache(maxsize=64)
-def _command(run: Prepared) -> tuple[Vector, Vector, Vector]:
-    """The commanded motion on a run's grid."""
-    return run.run.motion().at(run.t)
+@lru_cache(maxsize=_REMEMBERED)
+def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
+    """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
+    q_cmd, dq_cmd, ddq_cmd = run.run.motion().at(run.t)
+    return q_cmd - run.q, dq_cmd - run.dq, feedforward_along(nominal, run.run.control, q_cmd, dq_cmd, ddq_cmd)
 
 
-def _asked(robot: Robot, run: Prepared, nominal: Robot) -> Vector | None:
-    """The controller's torque behind delay and limits, shape (m, n)."""
-    control = run.run.control
+@lru_cache(maxsize=_REMEMBERED)
+def _asked(
+    run: Prepared,
+    nominal: Robot,
+    kp_factor: Sequence[float],
+    kd_factor: Sequence[float],
+    delay: float,
+    drive_limit: Sequence[float],
+) -> Vector | None:
+    """The controller's torque behind its factors, delay and limits, shape (m, n); None where nothing controls."""
+    control, n = run.run.control, nominal.n
     if control.mode == "pd":
-        from ..control.controller import feedforward_along
-
-        q_cmd, dq_cmd, ddq_cmd = _command(run)
-        kp = np.array(control.kp) * np.array(robot.kp_factor or [1.0] * robot.n)
-        kd = np.array(control.kd) * np.array(robot.kd_factor or [1.0] * robot.n)
-        torque = kp * (q_cmd - run.q) + kd * (dq_cmd - run.dq)
-        torque = torque + feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
+        behind, slower, feedforward = _fed_back(run, nominal)
+        kp = np.array(control.kp) * np.array(kp_factor or [1.0] * n)
+        kd = np.array(control.kd) * np.array(kd_factor or [1.0] * n)
+        torque = kp * behind + kd * slower + feedforward
     elif control.mode == "torque" and "tau_cmd" in run.measured:
         torque = run.measured["tau_cmd"]
     else:
         return None
-    drive_limit = np.array([stage.drive.torque_limit for stage in robot.stages])
-    limit = np.minimum(np.array(control.torque_limit or [math.inf] * robot.n), drive_limit)
+    limit = np.minimum(np.array(control.torque_limit or [math.inf] * n), drive_limit)
     # the held torque of the last tick before t, a delay ago
-    acting = np.floor((run.t - robot.delay) * control.rate + 1e-6) / control.rate
+    acting = np.floor((run.t - delay) * control.rate + 1e-6) / control.rate
     held = np.empty_like(run.q)
-    for i in range(robot.n):
+    for i in range(n):
         held[:, i] = np.interp(acting, run.t, torque[:, i])
     return np.clip(held, -limit, limit)

@@ -37,19 +37,17 @@ class Numerics:
         step: Integration step [s].
         step_error: Signal -> rms of what half the step changes, a value a channel.
         hold_error: Signal -> rms of what a controller changes that ticks faster; {} where none ticks.
-        shift: By how much all measured signals come later than the command says [s]; 0 where they do not.
         notes: The same in sentences.
     """
 
     step: float
     step_error: Mapping[str, Vector]
     hold_error: Mapping[str, Vector]
-    shift: float
     notes: tuple[str, ...]
 
 
 def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noise: Noise) -> Numerics:
-    """Try the numerical suspects on a run: two or three simulations.
+    """Try the integrator's step and the controller's hold on a run: two or three simulations.
 
     Args:
         robot: As the run is compared with.
@@ -60,22 +58,24 @@ def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noi
     """
     engine = backend_named(backend) if isinstance(backend, str) else backend
     step = step_of(robot, run, engine)
-    base = resimulated(robot, nominal, run, engine, step=step)
+    base = resimulated(robot, nominal, run, backend)
     step_error = _apart(base, resimulated(robot, nominal, run, engine, step=0.5 * step))
     hold_error: dict[str, Vector] = {}
     if run.control.mode == "pd":
         quick = replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
         hold_error = _apart(base, resimulated(robot, nominal, quick, engine, step=step))
-    shift = shift_of(run, base, noise)
     notes = [_said(f"Half the step ({0.5 * step!r} s) changes the simulation of {run.name}", step_error, noise)]
     if hold_error:
         notes.append(_said(f"A controller {FASTER} times as fast changes that of {run.name}", hold_error, noise))
-    if shift:
-        notes.append(
-            f"All that was measured in {run.name} comes {1e3 * shift:.3f} ms ({shift * run.rate:.2f} samples) "
-            f"{'after' if shift > 0.0 else 'before'} its stamps; that is taken out and is no effect."
-        )
-    return Numerics(step, step_error, hold_error, shift, tuple(notes))
+    return Numerics(step, step_error, hold_error, tuple(notes))
+
+
+def shift_said(run: Run, shift: float) -> str:
+    """A sentence on stamps that are off by a shift [s]."""
+    return (
+        f"All that was measured in {run.name} comes {1e3 * shift:.3f} ms ({shift * run.rate:.2f} samples) "
+        f"{'after' if shift > 0.0 else 'before'} its stamps; that is taken out and is no effect."
+    )
 
 
 def step_of(robot: Robot, run: Run, backend: Backend) -> float:

@@ -55,10 +55,11 @@ def settled(grid: Prepared) -> slice:
     return slice(edge, len(grid.t) - edge)
 
 
+@lru_cache(maxsize=32)
 def resimulated(
     robot: Robot, nominal: Robot, run: Run, backend: Backend | str, *, step: float | None = None
-) -> dict[str, Vector]:
-    """Every signal that the run has, as the simulation gives it under the same command and controller.
+) -> Mapping[str, Vector]:
+    """Every signal that the run has, as the simulation gives it under the same command and controller; made once.
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
     in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the

@@ -264,3 +264,26 @@ def inverse_dynamics_along(table: ChainTable, q: Array, dq: Array, ddq: Array, o
     """Joint torques of many states: all (m, n)."""
     for i in range(q.shape[0]):
         inverse_dynamics(table, q[i], dq[i], ddq[i], out[i])
+
+
+def points_along(table: ChainTable, point: Array, q: Array, out: Array) -> None:
+    """Where a point of the last moving joint frame is in the base [m]: point (3,), q (m, n), out (m, 3)."""
+    n = q.shape[1]
+    rotation = np.empty((n, 3, 3))
+    position = np.empty((n, 3))
+    for k in range(q.shape[0]):
+        place_joints(table, q[k], rotation, position)
+        x = point[0]
+        y = point[1]
+        z = point[2]
+        for j in range(n):
+            i = n - 1 - j
+            r = rotation[i]
+            u = position[i, 0] + r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
+            v = position[i, 1] + r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
+            z = position[i, 2] + r[2, 0] * x + r[2, 1] * y + r[2, 2] * z
+            x = u
+            y = v
+        out[k, 0] = x
+        out[k, 1] = y
+        out[k, 2] = z
