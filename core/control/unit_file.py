@@ -238,8 +238,12 @@ def _members(path: Path) -> frozenset[str]:
     sizes = {entry.filename: entry.file_size for entry in entries}
     if DESCRIPTION not in sizes:
         raise _unfit(path, f"it is no unit: there is no {DESCRIPTION} in it.")
-    if sizes[DESCRIPTION] > LARGEST_DESCRIPTION or sum(sizes.values()) > LARGEST_ARCHIVE:
-        raise _unfit(path, f"unpacked it has {sum(sizes.values())} bytes; {LARGEST_ARCHIVE} may be.")
+    if sizes[DESCRIPTION] > LARGEST_DESCRIPTION:
+        raise _unfit(path, f"its {DESCRIPTION} has {sizes[DESCRIPTION]} bytes; it may have {LARGEST_DESCRIPTION}.")
+    # of every entry: one name may stand there twice
+    unpacked = sum(entry.file_size for entry in entries)
+    if unpacked > LARGEST_ARCHIVE:
+        raise _unfit(path, f"unpacked it has {unpacked} bytes; it may have {LARGEST_ARCHIVE}.")
     strays = [name for name in sizes if name.startswith("/") or "\\" in name or ".." in name.split("/")]
     if strays:
         raise _unfit(path, f"{strays[0]!a} would be unpacked outside of its folder.")

@@ -255,10 +255,13 @@ def _table_of(node: Node, name: str, line: int, file: str, problems: Problems) -
         for key, value in item.entries:
             if key.text not in headings:
                 heading = parse_heading(key.text)
-                if heading is None or len(parsed) >= MOST_COLUMNS:
+                if heading is None:
                     problems.error("a column is written name[unit].", file, key.line, key.text[:80], key.text)
                     whole = False
                     continue
+                if len(parsed) >= MOST_COLUMNS:
+                    problems.error(f"more than {MOST_COLUMNS} columns; a table may have that many.", file, key.line)
+                    return None
                 headings[key.text] = len(parsed)
                 parsed.append(heading)
             if isinstance(value, Scalar):
@@ -296,7 +299,10 @@ def _table_of_lists(node: Items, name: str, file: str, problems: Problems) -> Ra
             problems.error(f"a row of {name} is a list of values, as the first one is.", file, item.line, name)
             whole = False
         elif header is None:
-            parsed = [(parse_heading(cell.text), cell) for cell in words[:MOST_COLUMNS]]
+            if len(words) > MOST_COLUMNS:
+                problems.error(f"{len(words)} columns; a table may have {MOST_COLUMNS}.", file, item.line, name)
+                return None
+            parsed = [(parse_heading(cell.text), cell) for cell in words]
             for heading, cell in parsed:
                 if heading is None:
                     problems.error("a column is written name[unit].", file, cell.line, cell.text[:80], cell.text)

@@ -30,6 +30,7 @@ def with_includes(root: Element, path: Path) -> Element:
         ModelFileError: A file is missing, outside, included twice, or too much comes together.
     """
     folder = path.parent.resolve()
+    # the model itself stands in here too: it may not include itself
     seen = {path.resolve()}
     count = sum(1 for _ in root.walk())
 
@@ -49,7 +50,7 @@ def with_includes(root: Element, path: Path) -> Element:
             seen.add((folder / name).resolve())
             included = parse_xml(read_file(folder / name, name), name)
             count += sum(1 for _ in included.walk())
-            if count > MOST_ELEMENTS or len(seen) > INCLUDES:
+            if count > MOST_ELEMENTS or len(seen) > 1 + INCLUDES:
                 raise ModelFileError([Problem("too much is included; no robot needs it", child.file, child.line)])
             children.extend(expanded(included, depth).children)
         return replace(element, children=children)
