@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ..errors import UsageError
 from .common import (
     build_robot,
     duration_option,
@@ -19,6 +20,11 @@ from .common import (
     on_terminal,
     print_json,
 )
+
+if TYPE_CHECKING:
+    from ..cosimulation import Partner
+    from ..motion import MotionLaw
+    from ..representation import Robot
 
 EXAMPLE = """\b
 Examples:

@@ -4,7 +4,7 @@ from .control import Control, read_control, read_locked, read_noise, read_payloa
 from .controller import Controller
 from .gains import default_pd
 from .log_file import LogFile, read_log
-from .unit_controller import UnitController
+from .unit_controller import UnitController, check_unit
 from .unit_file import ControllerUnit, read_unit
 from .unit_signals import Signals, read_signals
 
@@ -15,6 +15,7 @@ __all__ = [
     "LogFile",
     "Signals",
     "UnitController",
+    "check_unit",
     "default_pd",
     "read_control",
     "read_locked",

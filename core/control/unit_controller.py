@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import UsageError
+from ..errors import RefusedError, UsageError
 from ..representation import Robot
 from .control import Control
 from .controller import Controller
@@ -124,3 +124,24 @@ class UnitController(Controller):
         if not (np.isfinite(slope).all() and (kp > 0.0).all() and max(others.max(), bend.max()) < LINEAR * kp.min()):
             return np.zeros(n), np.zeros(n)
         return kp, middle
+
+
+def check_unit(robot: Robot, control: Control, unit: ControllerUnit) -> None:
+    """Refuse a unit that does not fit a robot, or a control part that does not fit a unit.
+
+    Raises:
+        UsageError: Another mode than torque, or another number of joints.
+        RefusedError: The robot scales gains that a unit does not show.
+    """
+    if control.mode != "torque":
+        raise UsageError(
+            f"{unit.path.name} is the controller, and the control part says mode {control.mode}: leave it out, or "
+            "let it be of mode torque, with the rate and the torque_limit that shall hold."
+        )
+    if len(unit.torques) != robot.n:
+        raise UsageError(f"{unit.path.name} gives {len(unit.torques)} torques, {robot.name} has {robot.n} joints.")
+    if {*robot.kp_factor, *robot.kd_factor} - {1.0}:
+        raise RefusedError(
+            f"{robot.name}: controller_gain scales the gains of a PD, which {unit.path.name} does not show; leave the "
+            "effect out."
+        )

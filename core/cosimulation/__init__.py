@@ -3,8 +3,11 @@
 from .controller import ContinuousController
 from .coupling import CoupledRun, Coupling, run_coupled
 from .loop import Loop, loop_of
-from .monolithic import Reference, run_monolithic
+from .monolithic import OnePiece, run_monolithic
+from .partner import Partner
+from .reference import Reference
 from .study import CouplingStudy, Measured, measure
+from .unit import UnitInLoop
 
 __all__ = [
     "ContinuousController",
@@ -13,7 +16,10 @@ __all__ = [
     "CouplingStudy",
     "Loop",
     "Measured",
+    "OnePiece",
+    "Partner",
     "Reference",
+    "UnitInLoop",
     "loop_of",
     "measure",
     "run_coupled",

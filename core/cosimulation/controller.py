@@ -8,9 +8,8 @@ tau' = (u - tau) / lag                 (lag of the drives' current loops; none: 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,12 @@ from ..errors import UsageError
 from ..kinematics import dynamics
 from ..kinematics.dynamics import Dynamics
 from ..representation import Robot
+from .partner import Seen
 
 if TYPE_CHECKING:
     from ..motion import MotionLaw
 
 Vector = NDArray[np.float64]
-Seen = Callable[[float], Vector]
-"""What the controller takes position and speed to be at a time [s], shape (2, n)."""
 
 # time constant of the current loops where nothing is said [s]
 LAG = 1.0e-3
@@ -142,6 +140,27 @@ class ContinuousController:
             return command[0] - q, np.zeros_like(tau)
         return command[0] - q, (self.asked(command, z, q, dq) - tau) / self.lag
 
+    def running(self, interval: float, count: int, q: Vector, dq: Vector) -> RunningController:
+        """At rest with the torque that the law asks for at t = 0; arguments as `Partner.running`."""
+        return RunningController(self, interval, count, q, dq)
+
+    def in_words(self) -> str:
+        """What it is."""
+        integral = " with an integral part" if self.ki.any() else ""
+        lag = f" behind a lag of {1e3 * self.lag:.4g} ms" if self.lag else ""
+        return f"PD{integral}{lag}, solved by Runge-Kutta of order 4"
+
+    def facts(self) -> dict[str, Any]:
+        """What it is, as plain data."""
+        return {
+            "kp": self.kp.tolist(),
+            "kd": self.kd.tolist(),
+            "ki": self.ki.tolist(),
+            "feedforward": self.feedforward,
+            "lag": self.lag,
+            "step": self.step if math.isfinite(self.step) else None,
+        }
+
 
 class RunningController:
     """The controller's own states, and its own solver: Runge-Kutta of order 4 with fixed steps.
@@ -196,6 +215,9 @@ class RunningController:
             self.z = z + half / 3.0 * total_z
             self.tau = tau + half / 3.0 * total_tau
             self._place += 2
+
+    def close(self) -> None:
+        """It holds nothing that has to be given back."""
 
     def _command(self, ahead: int) -> tuple[Vector, Vector, Vector]:
         q, dq, feedforward = self._commands

@@ -18,9 +18,9 @@ from ..errors import UsageError
 from ..simulation.backend import Backend, Engine, Program
 from ..simulation.program import whole_program
 from ..simulation.step import choose_step, poses_of
-from .controller import RunningController
 from .extrapolation import HIGHEST, Extrapolation
 from .loop import Loop
+from .partner import Running
 
 Vector = NDArray[np.float64]
 
@@ -112,25 +112,38 @@ def run_in(engine: Engine, loop: Loop, coupling: Coupling, h: float) -> CoupledR
     Raises:
         RefusedError: The motion is no longer finite.
     """
-    interval, order = coupling.interval, coupling.order
+    interval = coupling.interval
     count = math.floor(loop.duration / interval + 1.0e-9)
-    driven, whole = list(loop.whole.driven), loop.whole
+    engine.reset(loop.start, None)
+    running = loop.controller.running(interval, count, *loop.seen(loop.start))
+    try:
+        q, torque = _run_beside(engine, running, loop, coupling, count, h)
+    finally:
+        running.close()
+    tip = engine.tools_in_base(q)[:, :3, 3]
+    times: Vector = np.arange(count + 1, dtype=float) * interval
+    return CoupledRun(coupling, times, q[:, list(loop.whole.driven)], torque, tip, h)
+
+
+def _run_beside(
+    engine: Engine, running: Running, loop: Loop, coupling: Coupling, count: int, h: float
+) -> tuple[Vector, Vector]:
+    """Arm side of all joints and torques of the driven ones at the communication points, shapes (count + 1, ...)."""
+    interval, order, whole = coupling.interval, coupling.order, loop.whole
     steps = max(1, math.ceil(interval / h - 1.0e-6))
     pairs = max(1, math.ceil(0.5 * interval / h - 1.0e-6))
-    engine.reset(loop.start, None)
     state = loop.start
     before = now = loop.seen(state)
-    controller = RunningController(loop.controller, interval, count, *now)
     heard = Extrapolation(order, interval, np.array(now))
-    given = Extrapolation(order, interval, controller.torque(*now))
+    given = Extrapolation(order, interval, running.torque(*now))
     q: Vector = np.zeros((count + 1, whole.robot.n))
-    torque: Vector = np.zeros((count + 1, len(driven)))
+    torque: Vector = np.zeros((count + 1, len(whole.driven)))
     q[0] = state.q
     for k in range(count + 1):
         t = k * interval
         read = before if coupling.memory else now
         heard.hear(t, np.array(read))
-        torque[k] = controller.torque(*read)
+        torque[k] = running.torque(*read)
         given.hear(t, torque[k])
         if k == count:
             break
@@ -142,9 +155,8 @@ def run_in(engine: Engine, loop: Loop, coupling: Coupling, h: float) -> CoupledR
         else:
             engine.hold(whole.spread(torque[k]))
             engine.advance(interval, steps)
-        controller.advance(heard.at)
+        running.advance(heard.at)
         state = engine.state()
         q[k + 1] = state.q
         before, now = now, loop.seen(state)
-    tip = engine.tools_in_base(q)[:, :3, 3]
-    return CoupledRun(coupling, np.arange(count + 1, dtype=float) * interval, q[:, driven], torque, tip, h)
+    return q, torque

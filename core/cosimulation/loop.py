@@ -14,7 +14,7 @@ from ..kinematics import dynamics
 from ..representation import Robot
 from ..simulation.backend import MachineState
 from ..simulation.settle import controlled_start
-from .controller import ContinuousController
+from .partner import Partner
 
 if TYPE_CHECKING:
     from ..motion import MotionLaw
@@ -31,13 +31,14 @@ class Loop:
         whole: The robot as engines run it, with its passive joints.
         controller: Of the driven joints.
         duration: [s].
-        start: Of all joints: at rest in equilibrium under the controller at the command of t = 0.
+        start: Of all joints: at rest in equilibrium under the controller at the command of t = 0; without gains, at
+            rest at that command.
         offsets: What the encoders of the driven joints add, shape (n,) [rad or m].
     """
 
     robot: Robot
     whole: Expansion
-    controller: ContinuousController
+    controller: Partner
     duration: float
     start: MachineState
     offsets: Vector
@@ -60,7 +61,7 @@ class _SpreadGains:
         return self.feedforward
 
 
-def loop_of(robot: Robot, controller: ContinuousController, duration: float | None = None) -> Loop:
+def loop_of(robot: Robot, controller: Partner, duration: float | None = None) -> Loop:
     """A closed loop, settled.
 
     Args:

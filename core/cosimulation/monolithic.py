@@ -23,6 +23,7 @@ from ..motion import evaluate
 from ..simulation.compiled import compile_text
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
+from .controller import ContinuousController
 from .loop import Loop
 
 Vector = NDArray[np.float64]
@@ -32,25 +33,23 @@ TOLERANCE = 1.0e-10
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reference:
-    """The loop's own motion.
+class OnePiece:
+    """The motion of a loop that was solved in one piece.
 
     Attributes:
         t: Times [s], shape (m,).
         q: Arm side of the driven joints, shape (m, n).
         tip: Tool centre point in the base, shape (m, 3) [m].
-        commanded: Where the rigid robot's tip would be at the command, shape (m, 3) [m].
         evaluations: How often the equations were evaluated.
     """
 
     t: Vector
     q: Vector
     tip: Vector
-    commanded: Vector
     evaluations: int
 
 
-def run_monolithic(loop: Loop, t: Vector, tolerance: float = TOLERANCE) -> Reference:
+def run_monolithic(loop: Loop, t: Vector, tolerance: float = TOLERANCE) -> OnePiece:
     """Solve a loop in one piece.
 
     Args:
@@ -59,9 +58,12 @@ def run_monolithic(loop: Loop, t: Vector, tolerance: float = TOLERANCE) -> Refer
         tolerance: Of the solver.
 
     Raises:
-        RefusedError: Friction with a memory of its own is no differential equation; or the solver fails.
+        RefusedError: The loop is no system of differential equations; or the solver fails.
     """
-    system = _System(loop)
+    because, controller = why_not(loop), loop.controller
+    if because or not isinstance(controller, ContinuousController):
+        raise RefusedError(f"{loop.robot.name}: the loop cannot be solved in one piece: {because}.")
+    system = _System(loop, controller)
     found = _scipy_integrate().solve_ivp(
         system.slopes, (0.0, float(t[-1])), system.start(), method="DOP853", t_eval=t, rtol=tolerance, atol=tolerance
     )
@@ -69,8 +71,22 @@ def run_monolithic(loop: Loop, t: Vector, tolerance: float = TOLERANCE) -> Refer
         raise RefusedError(f"{loop.robot.name}: the loop cannot be solved in one piece: {found.message}")
     q: Vector = np.ascontiguousarray(found.y[: system.n].T)
     tip = kinematics(loop.whole.robot).tool_in_base(q)[:, :3, 3]
-    commanded = kinematics(loop.robot).tool_in_base(loop.controller.motion.at(t)[0])[:, :3, 3]
-    return Reference(t, q[:, list(loop.whole.driven)], tip, commanded, int(found.nfev))
+    return OnePiece(t, q[:, list(loop.whole.driven)], tip, int(found.nfev))
+
+
+def why_not(loop: Loop) -> str | None:
+    """Why a loop is no system of differential equations; None where it is one."""
+    if not isinstance(loop.controller, ContinuousController):
+        return "the controller's unit does not show its equations"
+    for stage in loop.whole.robot.stages:
+        drive = stage.drive
+        if drive.stick or drive.slips:
+            effects = sorted({term.effect for term in drive.terms if term.kind == "level"})
+            names = ", ".join([*effects, *(["hysteresis"] if drive.slips else [])])
+            return f"{stage.joint.name} has friction with a memory ({names})"
+    if Drives(DriveSheet.of(loop.whole.robot)).needs_load:
+        return "load_friction at rigid joints is solved together with the accelerations"
+    return None
 
 
 def _scipy_integrate() -> Any:
@@ -80,13 +96,12 @@ def _scipy_integrate() -> Any:
 class _System:
     """The right-hand side over (q, theta of elastic joints, their speeds, z, tau)."""
 
-    def __init__(self, loop: Loop) -> None:
-        self._loop = loop
+    def __init__(self, loop: Loop, controller: ContinuousController) -> None:
+        self._loop, self._controller = loop, controller
         robot = loop.whole.robot
         self.n = robot.n
         self._driven = list(loop.whole.driven)
         self._drives = Drives(DriveSheet.of(robot))
-        self._refuse_memory()
         table = self._drives.table
         self._elastic = table.elastic.astype(bool)
         sizes = (self.n, int(self._elastic.sum())) * 2 + (len(self._driven),) * 2
@@ -98,13 +113,13 @@ class _System:
         functions = compiled(rigid_body.__name__)
         self._mass_matrices, self._inverse = functions["mass_matrices"], functions["inverse_dynamics_along"]
         self._motion_at = compile_text(evaluate.motion_at)
-        self._motion = loop.controller.motion.table()
+        self._motion = controller.motion.table()
         self._none = np.zeros((1, robot.n))
 
     def start(self) -> Vector:
         """State at t = 0."""
         loop, begin = self._loop, self._loop.start
-        controller = loop.controller
+        controller = self._controller
         zero = np.zeros(len(self._driven))
         q, dq = loop.seen(begin)
         tau = controller.asked(self._command(0.0), zero, q, dq)
@@ -116,7 +131,7 @@ class _System:
         q, motor, dq, speed, z, tau = (x[part] for part in self._parts)
         theta, dtheta = q.copy(), dq.copy()
         theta[self._elastic], dtheta[self._elastic] = motor, speed
-        controller, loop = self._loop.controller, self._loop
+        controller, loop = self._controller, self._loop
         seen, seen_speed = theta[self._driven] + loop.offsets, dtheta[self._driven]
         command = self._command(t)
         given = tau if controller.lag else controller.asked(command, z, seen, seen_speed)
@@ -134,7 +149,7 @@ class _System:
 
     def _command(self, t: float) -> tuple[Vector, Vector, Vector]:
         """As `ContinuousController.commands` at one time, compiled: this is asked for thousands of times."""
-        controller = self._loop.controller
+        controller = self._controller
         q, dq, ddq, out = np.zeros((4, 1, len(self._driven)))
         self._motion_at(t, self._motion, q[0], dq[0], ddq[0])
         if controller.feedforward == "gravity":
@@ -142,20 +157,3 @@ class _System:
         elif controller.feedforward == "inverse_dynamics":
             self._inverse(controller.arms.table, q, dq, ddq, out)
         return q[0], dq[0], out[0]
-
-    def _refuse_memory(self) -> None:
-        for stage in self._loop.whole.robot.stages:
-            drive = stage.drive
-            if drive.stick or drive.slips:
-                effects = sorted({term.effect for term in drive.terms if term.kind == "level"})
-                names = ", ".join([*effects, *(["hysteresis"] if drive.slips else [])])
-                raise RefusedError(
-                    f"{stage.joint.name} has friction with a memory ({names}), which is no differential equation that "
-                    "could be solved in one piece; leave it out by --level or --with, or let robot.yaml say friction: "
-                    "{model: smooth}."
-                )
-        if self._drives.needs_load:
-            raise RefusedError(
-                "load_friction at rigid joints is solved together with the accelerations, and not in one piece here; "
-                "leave it out by --level or --with."
-            )

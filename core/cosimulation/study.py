@@ -1,4 +1,4 @@
-"""What the communication step costs: errors of the tip against the loop in one piece, over steps, orders and memory."""
+"""What the communication step costs: errors of the tip against the loop itself, over steps, orders and memory."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..errors import RefusedError, UsageError
 from ..simulation.backend import Backend
 from .coupling import CoupledRun, Coupling, engine_of, run_in
 from .loop import Loop
-from .monolithic import Reference, run_monolithic
+from .reference import LOST, Reference, reference_of
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -24,13 +24,11 @@ SCHEMA = "mbexport-cosimulation/1"
 STEPS = (4.0e-3, 2.0e-3, 1.0e-3, 5.0e-4, 2.5e-4)
 """Communication steps where none are asked for [s]."""
 ORDERS = (0, 1, 2)
-# a tip further away than this has left the loop, and its numbers mean nothing [m]
-LOST = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What one coupling makes of the tip, against the loop in one piece.
+    """What one coupling makes of the tip, against the reference.
 
     Attributes:
         interval: Communication step [s].
@@ -63,7 +61,7 @@ class CouplingStudy:
         loop: What was coupled.
         backend: Whose engine integrated the robot.
         step: Its integration step, at most [s].
-        reference: The loop in one piece.
+        reference: The loop's own motion.
         measured: A coupling each, by memory, order and falling step.
         runs: Of the longest step that is stable with every order asked for: those couplings' runs.
     """
@@ -95,7 +93,7 @@ class CouplingStudy:
 
     def to_json(self) -> dict[str, Any]:
         """As plain data; what is unstable has no numbers."""
-        controller, robot = self.loop.controller, self.loop.robot
+        robot = self.loop.robot
         rows = [{k: v if _is_plain(v) else None for k, v in asdict(one).items()} for one in self.measured]
         return {
             "schema": SCHEMA,
@@ -109,15 +107,8 @@ class CouplingStudy:
             "integrator": self.backend.integrator,
             "step": self.step,
             "duration": self.loop.duration,
-            "controller": {
-                "kp": controller.kp.tolist(),
-                "kd": controller.kd.tolist(),
-                "ki": controller.ki.tolist(),
-                "feedforward": controller.feedforward,
-                "lag": controller.lag,
-                "step": controller.step if math.isfinite(controller.step) else None,
-            },
-            "reference_evaluations": self.reference.evaluations,
+            "controller": self.loop.controller.facts(),
+            "reference": self.reference.to_json(),
             "measured": rows,
             "observed_orders": self.observed_orders(),
         }
@@ -158,7 +149,7 @@ def measure(
 
     Raises:
         UsageError: Steps that do not fit together.
-        RefusedError: The backend or the reference refuses this robot.
+        RefusedError: The backend refuses this robot, or the loop has no motion to hold couplings against.
     """
     descending = sorted(set(steps), reverse=True)
     couplings = [
@@ -170,9 +161,9 @@ def measure(
     finest = _finest(descending, loop.duration)
     engine, h = engine_of(loop, backend, step)
     try:
-        tell("the loop in one piece")
+        tell("the loop itself")
         times: Vector = np.arange(math.floor(loop.duration / finest + 1.0e-9) + 1, dtype=float) * finest
-        reference = run_monolithic(loop, times)
+        reference = reference_of(loop, engine, h, times)
         kept: list[tuple[Measured, CoupledRun | None]] = []
         for coupling in couplings:
             tell(f"{1e3 * coupling.interval!r} ms, {kind_named(coupling.order, coupling.memory)}")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from ..cosimulation import CouplingStudy, Measured
+from ..cosimulation import CouplingStudy, Measured, Reference
 from ..cosimulation.study import kind_named
 from ..files import write_whole
 from .cosimulation_pictures import MILLIMETRES, MILLISECONDS, cosimulation_picture, cosimulation_svg
@@ -63,11 +63,25 @@ class CouplingAnswer(Section):
             "engine": f"{facts['engine']} {facts['version']}",
             "integrator": facts["integrator"],
             "step": f"{MILLISECONDS * study.step:.4g}",
-            "lag": f"{MILLISECONDS * study.loop.controller.lag:.4g}",
+            "controller": study.loop.controller.in_words(),
+            "against": _against(study.reference),
             "duration": f"{study.loop.duration:.4g}",
             "effects": ", ".join(facts["effects"]) or "none",
             "source_hash": facts["source_hash"],
         }
+
+
+def _against(reference: Reference) -> str:
+    """What the tip is held against, in a sentence."""
+    coupling, known_to = reference.coupling, reference.known_to
+    if coupling is None or known_to is None:
+        return "Distances are those of the tip from where it is when both are solved in one piece."
+    return (
+        f"The loop cannot be solved in one piece: {reference.because}. Distances are those of the tip from where it is "
+        f"when both communicate every {MILLISECONDS * coupling.interval:.4g} ms "
+        f"({kind_named(coupling.order, coupling.memory)}), which is itself within about "
+        f"{MILLIMETRES * known_to:.2g} mm: so far it moves when that step is halved."
+    )
 
 
 @dataclass(frozen=True, slots=True)

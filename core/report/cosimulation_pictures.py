@@ -22,10 +22,10 @@ _MARKS = ("o", "s", "^")
 def cosimulation_picture(study: CouplingStudy) -> Picture:
     """The picture as part of a page."""
     caption = (
-        "Left: the largest distance of the tip from where the loop solved in one piece has it, over the communication "
-        "step; grey lines fall by the order that theory expects. Right: how much earlier the tip is on its path. "
-        "Below: the tip's distance from where its command has it, where that is largest. Couplings that are unstable "
-        "are not drawn."
+        "Left: the largest distance of the tip from where the loop itself has it, over the communication step; grey "
+        "lines fall by the order that theory expects. Right: how much earlier the tip is on its path. Below: the "
+        "tip's distance from where its command has it, where that is largest. Couplings that are unstable are not "
+        "drawn."
     )
     return picture(_figure(study), "The tip's error over the communication step", caption)
 
@@ -74,6 +74,7 @@ def _style(order: int, memory: bool) -> dict[str, Any]:
 
 
 def _draw_errors(axes: Any, study: CouplingStudy) -> None:
+    slopes: list[Any] = []
     for order, memory in study.kinds():
         curve = study.curve(order, memory)
         if not curve:
@@ -82,7 +83,9 @@ def _draw_errors(axes: Any, study: CouplingStudy) -> None:
         values = np.array([MILLIMETRES * one.largest for one in curve])
         if not memory:
             slope = values[0] * (steps / steps[0]) ** (order + 1)
-            axes.plot(steps, slope, color="#b8bec6", linewidth=4.0, solid_capstyle="round", zorder=1)
+            # named once
+            label = "_" if slopes else "order of theory: 1, 2, 3"
+            slopes += axes.plot(steps, slope, color="#b8bec6", linewidth=4.0, zorder=1, label=label)
         axes.plot(steps, values, **_style(order, memory))
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -109,7 +112,7 @@ def _draw_deviation(axes: Any, study: CouplingStudy) -> None:
     deviation = np.linalg.norm(reference.tip - reference.commanded, axis=1)
     middle = float(reference.t[int(np.argmax(deviation))])
     drawn = [run for run in study.runs if run.coupling.order == min(one.order for one in study.measured)]
-    axes.plot(reference.t, MILLIMETRES * deviation, color="black", linewidth=3.0, alpha=0.3, label="in one piece")
+    axes.plot(reference.t, MILLIMETRES * deviation, color="black", linewidth=3.0, alpha=0.3, label=reference.in_words())
     for run in drawn:
         order, memory = run.coupling.order, run.coupling.memory
         every = round(run.coupling.interval / float(reference.t[1]))

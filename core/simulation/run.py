@@ -153,6 +153,8 @@ def _check(
     torque: Vector | None,
     unit: ControllerUnit | None,
 ) -> None:
+    from ..control import check_unit
+
     if law.n != robot.n:
         raise UsageError(f"the motion has {law.n} joints, {robot.name} has {robot.n}.")
     if not duration > 0.0:
@@ -162,24 +164,11 @@ def _check(
     if control.mode == "unknown":
         raise UsageError("control mode unknown cannot be simulated; use motion, pd or torque.")
     if unit is not None:
-        _check_unit(robot, control, torque, unit)
+        if torque is not None:
+            raise UsageError(f"{unit.path.name} is the controller, and torques were given beside it: leave them out.")
+        check_unit(robot, control, unit)
     elif (control.mode == "torque") != (torque is not None):
         raise UsageError("control mode torque and a commanded torque, or a controller's unit, go together.")
-
-
-def _check_unit(robot: Robot, control: Control, torque: Vector | None, unit: ControllerUnit) -> None:
-    if torque is not None or control.mode != "torque":
-        raise UsageError(
-            f"{unit.path.name} is the controller, and the control part says mode {control.mode}: leave it out, or "
-            "let it be of mode torque, with the rate and the torque_limit that shall hold."
-        )
-    if len(unit.torques) != robot.n:
-        raise UsageError(f"{unit.path.name} gives {len(unit.torques)} torques, {robot.name} has {robot.n} joints.")
-    if {*robot.kp_factor, *robot.kd_factor} - {1.0}:
-        raise RefusedError(
-            f"{robot.name}: controller_gain scales the gains of a PD, which {unit.path.name} does not show; leave the "
-            "effect out."
-        )
 
 
 @dataclass(slots=True)

@@ -281,5 +281,21 @@ def test_wrong_use_is_told(make, error, said, arm):
 
 def test_friction_with_a_memory_has_no_loop_in_one_piece():
     robot = build(load("planar2r"), "friction")
+    one = loop(robot)
     with pytest.raises(RefusedError, match=r"joint_1 has friction with a memory \(coulomb_friction\)"):
-        run_monolithic(loop(robot), np.array([0.0, 0.01]))
+        run_monolithic(one, np.array([0.0, 0.01]))
+
+
+def test_friction_that_sticks_is_held_against_a_fine_coupling():
+    """Which is as near to the loop itself as it says: a coupling four times finer still is no further away."""
+    robot = build(load("planar2r"), "friction")
+    one = loop(robot, duration=0.06)
+    study = measure(one, PINOCCHIO, (2e-3, 1e-3), orders=(0,))
+    reference = study.reference
+    assert reference.coupling == Coupling(1e-3 / 8, 2)
+    assert reference.known_to is not None
+    finer = run_coupled(one, Coupling(1e-3 / 32, 1), PINOCCHIO)
+    assert np.abs(finer.tip[::32] - reference.tip).max() < 2.0 * reference.known_to
+    assert study.observed_orders()["held"][-1] == pytest.approx(1.0, abs=0.3)
+    assert min(found.largest for found in study.measured) > 10.0 * reference.known_to
+    assert study.to_json()["reference"]["because"] == "joint_1 has friction with a memory (coulomb_friction)"

@@ -55,14 +55,13 @@ def test_results_are_written_the_same_bytes_again(called, tmp_path):
     [
         (["--interval", "0.0007"], 2, "whole multiples"),
         (["--lag", "-1"], 2, "lag of -1.0 s"),
-        (["--with", "coulomb_friction"], 1, "coulomb_friction"),
+        (["--signals", "signals.yaml"], 2, "--controller"),
         (["--backend", "fmu"], 1, "emitted only"),
         (["--backend", "gazebo"], 2, "gazebo"),
     ],
 )
 def test_wrong_use_is_told_in_one_message(more, status, said, called, tmp_path):
-    words = [word for word in WORDS if word not in ("--level", "rigid")] if "--with" in more else list(WORDS)
-    found, _, err = called(*words, *more, "-o", tmp_path / "out")
+    found, _, err = called(*WORDS, *more, "-o", tmp_path / "out")
     assert found == status
     assert said in err
     assert not (tmp_path / "out").exists()
