@@ -24,8 +24,8 @@ from .table import RawTable
 # what a correction may be off the joint's axis [rad, m]
 CORRECTION_SLACK = 1e-9
 
-# two columns that, both finite at one joint, would put two springs in series where the drive has one
-RIVALS = (("joint_compliance", "stiffness", "joint_compliance_6d", "krz"),)
+# the component of joint_compliance_6d that is in series with a joint's drive, where joint_compliance's stiffness is too
+_IN_THE_DRIVE: dict[JointKind, str] = {"revolute": "krz", "prismatic": "kz"}
 
 _FIVE = ("alpha", "a", "theta", "d", "beta")
 
@@ -78,7 +78,7 @@ def read_parts(sources: Sources, settings: Settings, problems: Problems) -> Part
             )
         if name == "base_tilt" and settings.kinematics_convention == "modified" and takes_up_base(parts.kinematics):
             problems.error(TILT_OF_TAKEN_BASE, raw.file, raw.line, "robot")
-    check_rivals(parts.effects, {name: raw.file for name, raw in sources.effects.items()}, problems)
+    check_rivals(parts.effects, kinds, {name: raw.file for name, raw in sources.effects.items()}, problems)
     for name, raw in sorted(sources.motions.items()):
         if not is_label(name):
             problems.error(
@@ -316,21 +316,24 @@ def read_effect(
     return tuple(rows)
 
 
-def check_rivals(effects: Mapping[str, Sequence[EffectRow]], files: Mapping[str, str], problems: Problems) -> None:
-    """Two effects that would put the same spring into one drive."""
-    for one, one_column, other, other_column in RIVALS:
-        stiff = {row.at for row in effects.get(one, ()) if math.isfinite(row.values[one_column])}
-        for row in effects.get(other, ()):
-            value = row.values.get(other_column, math.inf)
-            if row.at in stiff and math.isfinite(value):
-                problems.error(
-                    f"{joint_name(row.at)} has {one} and a finite {other_column} of {other}, which are the same "
-                    f"spring; keep one ({other_column} is rigid with inf).",
-                    files.get(other),
-                    None,
-                    other_column,
-                    repr(value),
-                )
+def check_rivals(
+    effects: Mapping[str, Sequence[EffectRow]], kinds: Sequence[JointKind], files: Mapping[str, str], problems: Problems
+) -> None:
+    """Notes joints to which two effects would give the one spring that a drive has."""
+    one, other = "joint_compliance", "joint_compliance_6d"
+    sprung = {row.at for row in effects.get(one, ())}
+    for row in effects.get(other, ()):
+        column = _IN_THE_DRIVE[kinds[row.at - 1]]
+        value = row.values.get(column, math.inf)
+        if row.at in sprung and math.isfinite(value):
+            problems.error(
+                f"{joint_name(row.at)} has {one} and a finite {column} of {other}, which are the same spring; keep one "
+                f"({column} is rigid with inf).",
+                files.get(other),
+                None,
+                column,
+                repr(value),
+            )
 
 
 def _check_meshes(visuals: Sequence[Sequence[Visual]], folder: Path, file: str, problems: Problems) -> None:

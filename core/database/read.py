@@ -78,7 +78,7 @@ def load_effects(folder: Path, database: Database) -> FrozenMap[str, tuple[Effec
             if path.stem == "base_tilt" and database.base_taken_up:
                 problems.error(TILT_OF_TAKEN_BASE, path.name, raw.line, "robot")
     found = FrozenMap(sorted(effects.items()))
-    check_rivals(with_effects(database, found).effects, {path.stem: path.name for path in tables}, problems)
+    check_rivals(with_effects(database, found).effects, kinds, {path.stem: path.name for path in tables}, problems)
     if problems.errors:
         raise DatabaseError(problems.errors)
     return found

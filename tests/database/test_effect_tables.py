@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import pytest
 
+from mbexport.core.build import build
 from mbexport.core.database import check, load, parts, write
 from mbexport.core.effects import Column, Effect, effect_named
 from mbexport.core.errors import DatabaseError, PluginError
@@ -89,6 +90,22 @@ def test_two_springs_about_one_axis(small, plugins, rz: str, refused: bool):
             "10000.0",
         )
         assert "joint_1" in errors[0].message
+
+
+@pytest.mark.parametrize(("component", "refused"), [("kz", True), ("krz", False)])
+def test_a_sliding_drive_s_own_spring_is_the_one_along_its_axis(small, component: str, refused: bool):
+    """The bearing may well turn about the axis of a joint that slides along it."""
+    folder = small(
+        {
+            "joints.dat": "joint type lower upper velocity effort\n1 revolute -3 3 2 100\n2 prismatic -1 1 1 100\n",
+            "effects/joint_compliance.dat": "joint stiffness\n2 2e4\n",
+            "effects/joint_compliance_6d.dat": f"joint {component}\n2 1e5\n",
+        }
+    )
+    errors = [p for p in check(folder) if p.severity == "error"]
+    assert [(p.file, p.column) for p in errors] == [("effects/joint_compliance_6d.dat", component)] * refused
+    if not refused:
+        build(load(folder))
 
 
 def test_springs_of_two_joints_do_not_clash(small, plugins):
