@@ -6,6 +6,7 @@ A recipe names everything that a case is made of, so that whoever opens the trut
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -179,6 +180,21 @@ def add_effect(world: World, effect: dict) -> None:
 OTHER_FRICTION = ("coulomb_friction", "load_friction")
 
 
+# what a database's row and an effect beside it make together
+TOGETHER = {"inertia", "coulomb", "asymmetry", "viscous", "stribeck", "load"}
+
+
+def on_drive(**columns: str | tuple[str, float]) -> Callable[[World, int, dict], None]:
+    """An effect that is numbers of its joint's drive: column=parameter, or (parameter, what it is where not given)."""
+
+    def put(world: World, i: int, p: dict) -> None:
+        for name, source in columns.items():
+            value = p[source] if isinstance(source, str) else p.get(*source)
+            (plus if name in TOGETHER else column)(world, i, name, value)
+
+    return put
+
+
 def compliance(world: World, i: int, p: dict) -> None:
     column(world, i, "elastic", 1.0)
     column(world, i, "stiffness", p["stiffness"])
@@ -199,37 +215,6 @@ def bearing(world: World, i: int, p: dict) -> None:
         compliance(world, i, {"stiffness": p["krz"], "damping": p.get("brz", 0.0)})
 
 
-def rotor(world: World, i: int, p: dict) -> None:
-    plus(world, i, "inertia", p["inertia"])
-
-
-def coulomb(world: World, i: int, p: dict) -> None:
-    plus(world, i, "coulomb", p["torque"])
-    plus(world, i, "asymmetry", p.get("asymmetry", 0.0))
-
-
-def viscous(world: World, i: int, p: dict) -> None:
-    plus(world, i, "viscous", p["coefficient"])
-    column(world, i, "viscous_bend", p.get("bend", 0.0))
-
-
-def stribeck(world: World, i: int, p: dict) -> None:
-    plus(world, i, "stribeck", p["torque"])
-    column(world, i, "velocity", p["velocity"])
-    column(world, i, "exponent", p.get("exponent", 2.0))
-
-
-def load_friction(world: World, i: int, p: dict) -> None:
-    plus(world, i, "load", p["coefficient"])
-    column(world, i, "load_asymmetry", p.get("asymmetry", 0.0))
-
-
-def hysteresis(world: World, i: int, p: dict) -> None:
-    column(world, i, "hysteresis", p["torque"])
-    column(world, i, "hysteresis_stiffness", p["stiffness"])
-    column(world, i, "hysteresis_form", p.get("dahl", 0.0))
-
-
 def backlash(world: World, i: int, p: dict) -> None:
     column(world, i, "elastic", 1.0)
     column(world, i, "gap", p["gap"])
@@ -239,33 +224,8 @@ def backlash(world: World, i: int, p: dict) -> None:
             column(world, i, name, p[name])
 
 
-def transmission(world: World, i: int, p: dict) -> None:
-    column(world, i, "error", p["amplitude"])
-    column(world, i, "error_cycles", p["cycles"])
-    column(world, i, "error_phase", p["phase"])
-    column(world, i, "error_second", p.get("second", 0.0))
-
-
-def ripple(world: World, i: int, p: dict) -> None:
-    column(world, i, "ripple", p["amplitude"])
-    column(world, i, "ripple_cycles", p["cycles"])
-    column(world, i, "ripple_phase", p["phase"])
-    column(world, i, "ripple_second", p.get("second", 0.0))
-    column(world, i, "ripple_growth", p.get("growth", 0.0))
-
-
-def torque_constant(world: World, i: int, p: dict) -> None:
-    column(world, i, "gain", p["gain"])
-    column(world, i, "gain_droop", p.get("droop", 0.0))
-
-
 def torque_offset(world: World, i: int, p: dict) -> None:
     world.torque_bias[i] += p["torque"]
-
-
-def torque_limit(world: World, i: int, p: dict) -> None:
-    column(world, i, "limit", p["torque"])
-    column(world, i, "limit_form", p.get("soft", 0.0))
 
 
 def encoder_offset(world: World, i: int, p: dict) -> None:
@@ -279,12 +239,6 @@ def delay(world: World, i: int, p: dict) -> None:
 def controller_gain(world: World, i: int, p: dict) -> None:
     world.kp_factor[i] *= p.get("kp", 1.0)
     world.kd_factor[i] *= p.get("kd", 1.0)
-
-
-def joint_spring(world: World, i: int, p: dict) -> None:
-    column(world, i, "spring", p["stiffness"])
-    column(world, i, "spring_rest", p["rest"])
-    column(world, i, "spring_bend", p.get("bend", 0.0))
 
 
 def tensor_of(p: dict) -> np.ndarray:
@@ -360,25 +314,6 @@ def outside_cable(world: World, i: int, p: dict) -> None:
     column(world, i, "cable_ratio", p["ratio"])
 
 
-def outside_warming(world: World, i: int, p: dict) -> None:
-    column(world, i, "warm", p["share"])
-    column(world, i, "warm_time", p["time"])
-
-
-def outside_wavy_friction(world: World, i: int, p: dict) -> None:
-    column(world, i, "wavy", p["share"])
-    column(world, i, "waves", p["cycles"])
-    column(world, i, "wavy_phase", p["phase"])
-
-
-def outside_drag(world: World, i: int, p: dict) -> None:
-    column(world, i, "drag", p["coefficient"])
-
-
-def outside_motor_lag(world: World, i: int, p: dict) -> None:
-    column(world, i, "lag", p["time"])
-
-
 def outside_slosh(world: World, i: int, p: dict) -> None:
     world.extras = replace(world.extras, load=None, slosh=(p["mass"], (p["x"], p["y"], p["z"])))
     world.springs["slosh", 0] = [(p["stiffness"], p["damping"], 0.0)] * 2
@@ -392,22 +327,30 @@ def outside_mount(world: World, i: int, p: dict) -> None:
 EFFECTS = {
     "joint_compliance": compliance,
     "joint_compliance_6d": bearing,
-    "rotor_inertia": rotor,
-    "coulomb_friction": coulomb,
-    "viscous_friction": viscous,
-    "stribeck_friction": stribeck,
-    "load_friction": load_friction,
-    "hysteresis": hysteresis,
+    "rotor_inertia": on_drive(inertia="inertia"),
+    "coulomb_friction": on_drive(coulomb="torque", asymmetry=("asymmetry", 0.0)),
+    "viscous_friction": on_drive(viscous="coefficient", viscous_bend=("bend", 0.0)),
+    "stribeck_friction": on_drive(stribeck="torque", velocity="velocity", exponent=("exponent", 2.0)),
+    "load_friction": on_drive(load="coefficient", load_asymmetry=("asymmetry", 0.0)),
+    "hysteresis": on_drive(hysteresis="torque", hysteresis_stiffness="stiffness", hysteresis_form=("dahl", 0.0)),
     "backlash": backlash,
-    "transmission_error": transmission,
-    "torque_ripple": ripple,
-    "torque_constant": torque_constant,
+    "transmission_error": on_drive(
+        error="amplitude", error_cycles="cycles", error_phase="phase", error_second=("second", 0.0)
+    ),
+    "torque_ripple": on_drive(
+        ripple="amplitude",
+        ripple_cycles="cycles",
+        ripple_phase="phase",
+        ripple_second=("second", 0.0),
+        ripple_growth=("growth", 0.0),
+    ),
+    "torque_constant": on_drive(gain="gain", gain_droop=("droop", 0.0)),
     "torque_offset": torque_offset,
-    "torque_limit": torque_limit,
+    "torque_limit": on_drive(limit="torque", limit_form=("soft", 0.0)),
     "encoder_offset": encoder_offset,
     "delay": delay,
     "controller_gain": controller_gain,
-    "joint_spring": joint_spring,
+    "joint_spring": on_drive(spring="stiffness", spring_rest="rest", spring_bend=("bend", 0.0)),
     "payload": payload,
     "link_inertia": link_inertia,
     "kinematic_error": kinematic_error,
@@ -415,10 +358,10 @@ EFFECTS = {
     "link_flexibility": link_flexibility,
     "outside_coupling": outside_coupling,
     "outside_cable": outside_cable,
-    "outside_warming": outside_warming,
-    "outside_wavy_friction": outside_wavy_friction,
-    "outside_drag": outside_drag,
-    "outside_motor_lag": outside_motor_lag,
+    "outside_warming": on_drive(warm="share", warm_time="time"),
+    "outside_wavy_friction": on_drive(wavy="share", waves="cycles", wavy_phase="phase"),
+    "outside_drag": on_drive(drag="coefficient"),
+    "outside_motor_lag": on_drive(lag="time"),
     "outside_slosh": outside_slosh,
     "outside_mount": outside_mount,
 }
