@@ -195,17 +195,18 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
     near = _widened(stands | turns, 0.5 * period) | _widened(rests, period)
     # a joint that stands all the time still shows its load
     unsure = near & (stands.mean(axis=0) < 0.7)
+    # what is bridged is smeared by the smoothing as far as it reaches
+    bridged = {name: _widened(hole, run.edge) for name, hole in run.missing.items()}
     for name, series in values.items():
         mask = np.ones(series.shape)
         mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
-        motion = run.missing["q"]
         if name == "ee":
-            mask[run.missing["ee"].any(axis=1) | motion.any(axis=1)] = 0.0
+            mask[bridged["ee"].any(axis=1) | bridged["q"].any(axis=1)] = 0.0
         else:
             # a joint's torque takes the motion of every joint
-            mask[motion.any(axis=1)] = 0.0
-            if name in run.missing:
-                mask[run.missing[name]] = 0.0
+            mask[bridged["q"].any(axis=1)] = 0.0
+            if name in bridged:
+                mask[bridged[name]] = 0.0
         if name in ("tau", "u"):
             mask[unsure] = 0.0
         masks[name] = mask

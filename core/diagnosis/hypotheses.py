@@ -28,6 +28,8 @@ Values = dict[str, float]
 # how large an amount is tried, as part of what would be a plain effect
 STEP = 0.02
 CYCLES = 3
+# delays are looked for up to this one [s]
+LONGEST_DELAY = 0.01
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 
 
@@ -235,7 +237,30 @@ def _encoder(problem: Problem, scales: Scales, name: str, at: int, known: Values
 
 
 def _delay(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    return [_added(name, at, known, {"time": 0.004})]
+    """From the middle of each tick: what a torque reports jumps where a delay becomes another whole number of them."""
+    if known:
+        return [_added(name, at, known, {"time": 0.001})]
+    tick = 1.0 / min(run.run.control.rate for run in problem.evidence.runs)
+    forms: list[Hypothesis] = []
+    for number in range(max(1, round(LONGEST_DELAY / tick))):
+        middle = (number + 0.5) * tick
+
+        def values(beta: Vector, middle: float = middle) -> Values | None:
+            return {"time": max(middle + float(beta[0]), 0.0)}
+
+        forms.append(
+            Hypothesis(
+                name,
+                at,
+                f"tick {number + 1}",
+                values,
+                np.array([0.5 * tick]),
+                np.array([-0.5 * tick]),
+                alone=False,
+                curved=True,
+            )
+        )
+    return forms
 
 
 def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:

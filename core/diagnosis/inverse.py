@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ Vector = NDArray[np.float64]
 
 # a gear's contact whose resonance lies so far above what is compared is rigid there
 STIFF = 3.0
+# up to this part of a run's band its torque's change is that of its motion, not of its noise
+SLOW = 0.25
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -93,10 +96,24 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
     tau = (inertia * run.ddq + friction + (1.0 + slope) * passed) / gain
     if not imposed:
         # a torque held from its tick on makes what a continuous one would half a tick later
-        tau = tau + 0.5 / run.run.control.rate * np.gradient(tau, run.h, axis=0)
+        rate = run.run.control.rate
+        change = np.gradient(tau, run.h, axis=0)
+        tau = tau + 0.5 / rate * change
+        early = np.ceil(robot.delay * rate - 1e-6) / rate - robot.delay
+        if early > 0.0:
+            # late by other than whole ticks, what acts at a tick acts for a part of one
+            tau = tau - early * _slow(change, run)
     limits = tuple(stage.drive.torque_limit for stage in robot.stages)
     asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits)
     return Said(tau + bias, passed, q[:, driven], moved.tool, None if asked is None else asked + bias)
+
+
+def _slow(values: Vector, run: Prepared) -> Vector:
+    """Without the upper part of what is compared, where a change is that of noise."""
+    signal: Any = import_module("scipy.signal")
+
+    sos = signal.butter(2, SLOW * run.band, fs=1.0 / run.h, output="sos")
+    return np.asarray(signal.sosfiltfilt(sos, values, axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -268,9 +285,9 @@ def _asked(
     else:
         return None
     limit = np.minimum(np.array(control.torque_limit or [math.inf] * n), drive_limit)
-    # the held torque of the last tick before t, a delay ago
-    acting = np.floor((run.t - delay) * control.rate + 1e-6) / control.rate
-    held = np.empty_like(run.q)
+    # a record at a tick shows the torque that acts there, and so the controller's of a whole number of ticks ago
+    late = np.ceil(delay * control.rate - 1e-6) / control.rate
+    held: Vector = np.empty_like(run.q)
     for i in range(n):
-        held[:, i] = np.interp(acting, run.t, torque[:, i])
-    return np.clip(held, -limit, limit)
+        held[:, i] = np.interp(run.t - late, run.t, torque[:, i])
+    return np.asarray(np.clip(held, -limit, limit), dtype=float)
