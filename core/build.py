@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .effects import EffectRow, catalogue, effect_named, in_order
+from .effects import EffectRow, catalogue, effect_named, in_order, law_named
 from .errors import UsageError
 from .kinematics import dynamics
 from .representation import Arm, Drive, Robot, Spring, Stage, Stick
@@ -53,18 +53,16 @@ def assembled(database: Database, rows: Mapping[str, Sequence[EffectRow]]) -> Ro
 
     For those who try many variants, and in the middle of a search do not mind what no body can be.
     """
-    joints = database.joints
     stages = tuple(
-        Stage(joint, Arm(f"arm_{i + 1}", link, correction, inertia, tuple(visual.shape() for visual in visuals)))
-        for i, (joint, link, correction, inertia, visuals) in enumerate(
-            zip(
-                joints,
-                database.kinematics,
-                database.corrections[1:],
-                database.inertias,
-                database.visuals or ((),) * database.n,
-                strict=True,
-            )
+        Stage(joint, Arm(f"arm_{i}", link, correction, inertia, shapes))
+        for i, joint, link, correction, inertia, shapes in zip(
+            range(1, database.n + 1),
+            database.joints,
+            database.kinematics,
+            database.corrections[1:],
+            database.inertias,
+            database.shapes(),
+            strict=True,
         )
     )
     robot = Robot(
@@ -188,11 +186,9 @@ def _sticks(drive: Drive) -> bool:
 def level_at_rest(drive: Drive, load: float) -> float:
     """Sticking friction's level at rest under a load [N m or N]."""
     return sum(
-        law.function(term.parameters, 0.0, 0.0, 0.0, 0.0, 0.0, load)
+        law_named(term.effect, term.law).function(term.parameters, 0.0, 0.0, 0.0, 0.0, 0.0, load)
         for term in drive.terms
         if term.kind == "level"
-        for law in effect_named(term.effect).laws
-        if law.name == term.law
     )
 
 

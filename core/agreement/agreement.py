@@ -27,8 +27,8 @@ from .compare import (
     compare_runs,
     compare_statics,
     orders,
+    plainly_controlled,
 )
-from .compare import plainly_controlled as _plainly_controlled
 from .convergence import Convergence, convergence
 from .culprit import TABLES, Evidence, Finding, find
 from .gates import GATES
@@ -398,7 +398,7 @@ def _compared(
         runs[scenario.name] = (scenario, of_scenario)
         facts.append(_facts(scenario, of_scenario))
         figures += compare_runs(scenario, of_scenario, size)
-        if subject.tables is not None and _plainly_controlled(scenario):
+        if subject.tables is not None and plainly_controlled(scenario):
             figures += compare_commands(scenario, of_scenario, TABLES)
         elif subject.tables is not None and scenario.imposed:
             figures += compare_knots(scenario, of_scenario, subject.tables, TABLES)

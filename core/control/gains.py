@@ -8,7 +8,7 @@ import numpy as np
 
 from ..kinematics import dynamics
 from ..representation import Robot
-from .control import Control, Feedforward
+from .control import DEFAULT_RATE, Control, Feedforward
 
 FREQUENCY = 5.0
 DAMPING_RATIO = 0.7
@@ -18,7 +18,7 @@ def default_pd(
     robot: Robot,
     frequency: float = FREQUENCY,
     damping_ratio: float = DAMPING_RATIO,
-    rate: float = 1000.0,
+    rate: float = DEFAULT_RATE,
     feedforward: Feedforward = "none",
 ) -> Control:
     """PD control that gives every joint by itself one frequency at home.

@@ -32,10 +32,17 @@ _FIVE = ("alpha", "a", "theta", "d", "beta")
 
 @dataclass(slots=True)
 class Parts:
-    """What the tables say, in the file's own conventions.
+    """What the tables say: SI, in the file's own conventions of frames and signs.
 
     Attributes:
         n: Number of arms.
+        kinematics: From each joint to the next, base to tool, one an arm.
+        corrections: n + 1: of the base's frame, then one an arm.
+        inertias: One an arm, in the arm's own frame.
+        joints: One an arm.
+        effects: Effect to its rows.
+        motions: Name to what is sampled.
+        visuals: What is drawn, a tuple an arm; () where the database says nothing of it.
     """
 
     n: int = 0

@@ -36,18 +36,12 @@ class Table:
         key: Name of the column that tells rows apart.
         columns: All others.
         optional: The database may go without it.
-        joint_units: In a column whose unit depends on the joint, the kind of joint by the column's name, where it
-            is not that of the row (motions).
     """
 
     name: str
     key: Key
     columns: tuple[Column | Choice, ...]
     optional: bool = True
-
-    def column(self, name: str) -> Column | Choice | None:
-        """The column of that name."""
-        return next((column for column in self.columns if column.name == name), None)
 
 
 _VEITSCHEGGER_WU = (

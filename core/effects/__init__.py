@@ -25,6 +25,7 @@ __all__ = [
     "effect_named",
     "effect_reports",
     "in_order",
+    "law_named",
     "with_drive",
     "with_stage",
 ]
@@ -76,6 +77,20 @@ def effect_named(name: str) -> Effect:
     if fault is not None:
         raise PluginError(f"{name!r} in {plugins.EFFECTS} ({type(effect).__module__}): {fault}")
     return effect
+
+
+def law_named(effect: str, law: str) -> Law:
+    """The law of an effect to which a `representation.Term` points by both their names.
+
+    Raises:
+        PluginError: No such effect, or it has no law of that name.
+    """
+    laws = effect_named(effect).laws
+    found = next((entry for entry in laws if entry.name == law), None)
+    if found is None:
+        known = ", ".join(entry.name for entry in laws) or "none"
+        raise PluginError(f"the effect {effect!r} gives a drive the law {law!r}, which it has not; its laws: {known}.")
+    return found
 
 
 def effect_reports() -> tuple[plugins.PluginReport, ...]:

@@ -70,7 +70,6 @@ class TreeBody:
         joints: From the parent outwards; none: fixed.
         inertia: In its own frame; None where the file gives none.
         loose: What kind of joint it hangs on, where that is none of one degree of freedom ("floating", "ball").
-        hangs_by: Name of the fixed joint, for messages; "" where the format has no name for it.
     """
 
     name: str
@@ -79,7 +78,6 @@ class TreeBody:
     joints: tuple[TreeJoint, ...] = ()
     inertia: Inertia | None = None
     loose: str = ""
-    hangs_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ def read_urdf(robot: Element) -> Model:
             continue
         placed[child] = joint
         origin = _origin(findings, findings.single(joint, "origin"))
-        bodies[child] = _hung(findings, joint, replace(bodies[child], parent=parent, in_parent=origin, hangs_by=name))
+        bodies[child] = _hung(findings, joint, replace(bodies[child], parent=parent, in_parent=origin))
         mimic = findings.single(joint, "mimic")
         if mimic is not None:
             factor, offset = findings.number(mimic, "multiplier", 1.0), findings.number(mimic, "offset", 0.0)

@@ -6,7 +6,7 @@ from functools import cache
 from importlib import import_module
 from typing import Any
 
-from ..effects import effect_named
+from ..effects import law_named
 from . import drive_law
 
 
@@ -87,12 +87,12 @@ def compiled_loaded_torques() -> Any:
 
 def uses_load(effect: str, law: str) -> bool:
     """Whether a law asks for the torque that the drive passes to the arm."""
-    return any(entry.uses_load for entry in effect_named(effect).laws if entry.name == law)
+    return law_named(effect, law).uses_load
 
 
 def law_function(effect: str, law: str) -> Any:
     """The plain function of one law of one effect."""
-    return next(entry.function for entry in effect_named(effect).laws if entry.name == law)
+    return law_named(effect, law).function
 
 
 @cache

@@ -10,7 +10,8 @@ import pytest
 from mbexport.core.agreement.samples import SAMPLED, sampled
 from mbexport.core.cli import main
 from mbexport.core.database import FrozenMap, load, write
-from mbexport.core.effects import built_in_names, effect_named
+from mbexport.core.effects import built_in_names, effect_named, law_named
+from mbexport.core.errors import PluginError
 
 CHECKS = ("test_bodies_and_geometry.py", "test_elasticity.py", "test_friction.py", "test_motor_and_sensors.py")
 # a year, or the paper
@@ -22,6 +23,16 @@ def test_its_law_has_a_source(name):
     effect = effect_named(name)
     said = [type(effect).__doc__, *(law.function.__doc__ for law in effect.laws)]
     assert all(said) and any(SOURCE.search(text) for text in said)
+
+
+def test_a_law_is_found_by_both_names_or_missed_by_them():
+    assert law_named("coulomb_friction", "level").kind == "level"
+    with pytest.raises(
+        PluginError, match="'coulomb_friction' gives a drive the law 'torque', which it has not; its laws"
+    ):
+        law_named("coulomb_friction", "torque")
+    with pytest.raises(PluginError, match="no effect 'sticky'"):
+        law_named("sticky", "level")
 
 
 @pytest.mark.parametrize("name", built_in_names())
