@@ -140,8 +140,8 @@ class Story:
                 continue
             if backend.runs:
                 able.append(name)
-            for path, text in emission.files.items():
-                self.files[f"models/{name}/{path}"] = text
+            for path, content in {**emission.files, **emission.packed}.items():
+                self.files[f"models/{name}/{path}"] = content
             self.files[f"models/{name}/{robot.name}.concepts.json"] = concept_report(robot, emission)
             counts = Counter(concept.status for concept in emission.concepts)
             told = ", ".join(f"{counts[s]} {s}" for s in ("exact", "approximated", "impossible") if counts[s])

@@ -44,6 +44,23 @@ def test_the_whole_story(mbexport, content, tmp_path, short):
     assert content(tmp_path / "demo") == files
 
 
+def test_every_model_that_is_told_of_is_written(monkeypatch):
+    """Text or not: the one that is an archive too."""
+    from mbexport.backends import fmu
+    from mbexport.core.build import build
+    from mbexport.core.database import load
+    from mbexport.core.motion import motion_named
+
+    # its sources are enough here
+    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    story = demo.Story(quiet=True, backends=("adams", "fmu", "simscape", "urdf"))
+    robot = build(load("planar2r"), "compliant")
+    story._export(robot, motion_named(robot, "hold"))
+    for name in ("adams/planar2r.cmd", "adams/planar2r.adm", "simscape/planar2r_simscape.m", "urdf/planar2r.urdf"):
+        assert story.files[f"models/{name}"]
+    assert story.files["models/fmu/planar2r.fmu"][:2] == b"PK"
+
+
 def test_the_dummy_is_stated(capsys):
     from mbexport.core.build import build
     from mbexport.core.database import load
