@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,9 @@ from .pictures import COLOURS, Drawing, new_figure, styled
 # as in the paper: x red, y green, z (the axis of motion) blue
 AXES = ("#c8312b", "#2f8f3a", "#2456b8")
 VIEW = {"elev": 18, "azim": -60}
+GROUND = "#cccccc"
+# so that a name can be read before a line
+HALO = {"linewidth": 3.0, "foreground": "white"}
 TRIAD = 0.11
 """Length of a frame's axes [m]."""
 
@@ -39,7 +43,8 @@ def frames_drawing(study: Reproduction) -> Drawing:
         for name, colour in zip(("x", "y", "z, the joint's axis"), AXES, strict=True):
             both[0].plot([], [], color=colour, linewidth=2.0, label=name)
         both[0].plot([], [], color="black", linewidth=2.2, label="arms")
-        figure.legend(loc="outside lower center", ncols=4)
+        both[0].plot([], [], "s", color="white", markeredgecolor=GROUND, markersize=9, label="0.1 m by 0.1 m")
+        figure.legend(loc="outside lower center", ncols=5)
     moved = np.flatnonzero(frames.shifts > 0.0) + 1
     caption = (
         "The arm in its zero state; frame k is that of joint k, the last one the flange. By the convention alone the "
@@ -57,9 +62,9 @@ def _room(axes: Any, points: Vector) -> None:
     low[1], high[1] = -0.25, 0.25
     x, y = (_decimetres(float(a), float(b)) for a, b in zip(low[:2], high[:2], strict=True))
     for value in x:
-        _line(axes, np.array([[value, y[0], 0.0], [value, y[-1], 0.0]]), color="#dddddd", linewidth=0.7)
+        _line(axes, np.array([[value, y[0], 0.0], [value, y[-1], 0.0]]), color=GROUND, linewidth=0.7)
     for value in y:
-        _line(axes, np.array([[x[0], value, 0.0], [x[-1], value, 0.0]]), color="#dddddd", linewidth=0.7)
+        _line(axes, np.array([[x[0], value, 0.0], [x[-1], value, 0.0]]), color=GROUND, linewidth=0.7)
     for name, a, b in zip("xyz", low, high, strict=True):
         getattr(axes, f"set_{name}lim")(a, b)
     axes.set_box_aspect(tuple(high - low), zoom=1.25)
@@ -84,6 +89,7 @@ def _line(axes: Any, points: Vector, **style: Any) -> None:
 
 def _name(axes: Any, points: Vector) -> None:
     """Numbers of the frames; those that fall together stand side by side."""
+    halo = [import_module("matplotlib.patheffects").withStroke(**HALO)]
     places: dict[tuple[float, float, float], list[str]] = {}
     for number, point in enumerate(points, start=1):
         name = "flange" if number == len(points) else str(number)
@@ -91,8 +97,9 @@ def _name(axes: Any, points: Vector) -> None:
         places.setdefault((x, y, z), []).append(name)
     for (x, y, z), names in places.items():
         # the flange is close behind the last joint
-        right, up = (0.1, 0.05) if "flange" in names else (-0.03, -0.09)
-        axes.text(x + right, y, z + up, ", ".join(names), fontsize=10, fontweight="bold", ha="center", zorder=20)
+        right, up = (0.14, 0.07) if "flange" in names else (-0.06, -0.1)
+        style = {"fontsize": 10, "fontweight": "bold", "ha": "center", "zorder": 20, "path_effects": halo}
+        axes.text(x + right, y, z + up, ", ".join(names), **style)
 
 
 def path_drawing(study: Reproduction) -> Drawing:
@@ -137,7 +144,7 @@ def space_labels(axes: Any, points: Vector, flat: float) -> None:
     axes.locator_params(axis="x", nbins=4)
     axes.locator_params(axis="z", nbins=3)
     axes.view_init(elev=32, azim=-58)
-    axes.set_box_aspect((1.0, 1.9, 0.55), zoom=1.1)
+    axes.set_box_aspect((1.0, 1.9, 0.55), zoom=1.2)
 
 
 def misalignment_drawing(study: Reproduction) -> Drawing:

@@ -14,7 +14,7 @@ from ..reproduction.open_loop import about_corner
 from ..reproduction.peaks import across
 from ..simulation.backend import Vector
 from .paper_geometry_pictures import space_labels
-from .pictures import COLOURS, Drawing, line_style, new_figure, styled
+from .pictures import COLOURS, Drawing, by_turns, name_turns, new_figure, styled
 
 COMMAND = {"color": "#222222", "linewidth": 0.9, "linestyle": (0, (4, 2)), "label": "desired", "zorder": 9}
 MEMORY = {"color": "#222222", "linewidth": 1.2, "linestyle": (0, (1.2, 1.2)), "label": "with Memory", "zorder": 8}
@@ -53,16 +53,17 @@ def open_loop_drawing(study: Reproduction) -> Drawing:
         )
         time.axhline(0.0, **{**COMMAND, "label": "_"})
         time.set_ylim(top=float(np.max(np.abs(off[:, :2]))) + 7.5)
-        time.set_title("from the desired path [mm]")
+        time.set_title("tip off the desired path [mm]")
         time.legend(loc="upper right")
         for number, (name, tip) in enumerate(opened.tips.items()):
-            near.plot(*_plane(tip, opened.t, study), **line_style(number), label=name)
+            near.plot(*_plane(tip, opened.t, study), **by_turns(number, len(opened.tips)))
             if number:
                 apart: Vector = np.linalg.norm(tip - opened.tip, axis=1)
                 between.semilogy(opened.t, np.maximum(apart, FLOOR), color=COLOURS[number], linewidth=1.1, label=name)
+        name_turns(near, opened.tips)
         near.plot(*_plane(opened.command, opened.t, study), **COMMAND)
         _corner(near, study, opened.tip, opened.t)
-        between.set_title(f"engines from {next(iter(opened.tips))} [m]")
+        between.set_title(f"distance of the engines' tips from {next(iter(opened.tips))}'s [m]")
         for axes in (time, between):
             axes.set_xlabel("t [s]")
         figure.legend(*near.get_legend_handles_labels(), loc="outside lower center", ncols=6)
@@ -78,7 +79,7 @@ def open_loop_drawing(study: Reproduction) -> Drawing:
 def _engines(tips: Mapping[str, Vector]) -> str:
     if len(tips) == 1:
         return "One engine."
-    return f"{len(tips)} engines drawn over each other, the first widest: they lie on one another."
+    return f"{len(tips)} engines drawn over each other, dashes in turn: where all colours are seen, they agree."
 
 
 def _corner(axes: Any, study: Reproduction, tip: Vector, t: Vector) -> None:
@@ -120,12 +121,11 @@ def closed_loop_drawing(study: Reproduction) -> Drawing:
     with styled():
         figure = new_figure(9.6, 4.6)
         near, beside = figure.subplots(1, 2)
-        for number, (name, tip) in enumerate(closed.tips.items()):
-            drawn = line_style(number)
-            # half as wide, so that what is slight can be seen beside them
-            style: dict[str, Any] = {**drawn, "linewidth": 0.5 * drawn["linewidth"], "label": name}
+        for number, tip in enumerate(closed.tips.values()):
+            style = by_turns(number, len(closed.tips))
             near.plot(*_plane(tip, t, study), **style)
             beside.plot(t[on], 1e3 * across(tip[on], places[edge], places[edge + 1]), **style)
+        name_turns(near, closed.tips)
         late = closed.memory_tips[first]
         near.plot(*_plane(late, t, study), **MEMORY)
         near.plot(*_plane(opened.tip, t, study), color="#999999", linewidth=1.2, label="open loop")
@@ -139,7 +139,7 @@ def closed_loop_drawing(study: Reproduction) -> Drawing:
         )
         _corner(near, study, closed.tip, t)
         beside.set_xlabel("t [s]")
-        beside.set_title("across the edge after it [mm]")
+        beside.set_title("tip off the edge after it, across [mm]")
         handles, labels = near.get_legend_handles_labels()
         more = beside.get_legend_handles_labels()
         handles, labels = [*handles, more[0][-1]], [*labels, more[1][-1]]
@@ -167,7 +167,7 @@ def memory_drawing(study: Reproduction) -> Drawing:
         each.axvline(1e3 * first.shift, color=COLOURS[1], linewidth=1.6, label="the whole path")
         each.axvline(0.0, color="#222222", linewidth=0.8)
         each.set_xlabel("earlier by [ms]")
-        each.set_title("peaks, with feedback 1 ms old")
+        each.set_title("number of peaks, feedback 1 ms old")
         each.legend()
         over.plot(
             [0.0, max(steps)], [0.0, max(steps)], color="#222222", linewidth=0.9, linestyle=(0, (4, 2)), label="its age"
@@ -176,7 +176,7 @@ def memory_drawing(study: Reproduction) -> Drawing:
         means = [1e3 * float(np.mean(late.peaks)) if late.peaks else np.nan for late in closed.longer]
         over.plot(steps, means, "o-", color=COLOURS[0], label="peaks, mean")
         over.set_xlabel("age of the feedback [ms]")
-        over.set_title("earlier by [ms]")
+        over.set_title("earlier by [ms], over the age")
         over.legend()
     caption = (
         "A feedback that is old shows the arm where it was, and the controller drives it ahead by as much: the whole "
@@ -197,7 +197,11 @@ def derivatives_drawing(study: Reproduction) -> Drawing:
         for number, (name, away) in enumerate((name, away) for name, away in found.away.items() if away.any()):
             axes.plot(found.t, 1e6 * away, color=COLOURS[number], linewidth=1.4, label=WORDS[name])
         axes.plot(
-            found.t, 1e6 * found.codes, color="#222222", linewidth=0.9, label=f"between {' and '.join(found.who)}"
+            found.t,
+            1e6 * found.codes,
+            color="#222222",
+            linewidth=0.9,
+            label=f"between two codes: {found.who[0]} differentiates, {found.who[1]} takes differences",
         )
         axes.set_xlabel("t [s]")
         axes.set_title("distance of the tip from that with all three functions given [um]")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -35,6 +36,9 @@ STYLE: dict[str, Any] = {
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8c564b", "#444444")
 # voices drawn over each other, wide below and narrow above, so that each can be seen where they agree
 WIDTHS = (5.6, 3.6, 2.0, 0.8)
+# voices that take turns along a line: its width [pt], and a turn in widths
+TURN_WIDTH = 2.4
+TURN = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,3 +110,20 @@ def inside(svg: bytes, alt: str, caption: str) -> Picture:
 def line_style(k: int) -> dict[str, Any]:
     """Colour and width of the k-th voice, from 0."""
     return {"color": COLOURS[k % len(COLOURS)], "linewidth": WIDTHS[min(k, len(WIDTHS) - 1)]}
+
+
+def by_turns(k: int, count: int) -> dict[str, Any]:
+    """Colour and dashes of the k-th of voices that are drawn over each other: where they agree, each is seen in turn.
+
+    The first lies below all of the line, so that nothing is left out where another goes its own way.
+    """
+    style: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linewidth": TURN_WIDTH, "dash_capstyle": "butt"}
+    if k:
+        style["linestyle"] = ((count - k) * TURN, (TURN, (count - 1) * TURN))
+    return style
+
+
+def name_turns(axes: Any, names: Iterable[str]) -> None:
+    """Legend of voices that take turns: whole lines, for of dashes it would show one or none."""
+    for k, name in enumerate(names):
+        axes.plot([], [], color=COLOURS[k % len(COLOURS)], linewidth=TURN_WIDTH, label=name)
