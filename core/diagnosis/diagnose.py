@@ -58,6 +58,7 @@ EXACT = 0.01
 # mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 UNREAL = "needs a body that cannot exist"
+GONE = "no gain on held-out data"
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
@@ -124,6 +125,44 @@ class _Gap:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Held:
+    """What holds on runs that no fit saw.
+
+    Attributes:
+        found: Findings.
+        unseen: What they are worth there.
+        dropped: Those that do not hold.
+        failed: Effects and places of those whose evidence does not hold.
+        how_far: How far the gap shrinks there.
+        overlays: Its curves.
+        after: The gap that is left; None where nothing was found.
+    """
+
+    found: tuple[Found, ...]
+    unseen: Unseen
+    dropped: tuple[Rejected, ...]
+    failed: set[tuple[str, str]]
+    how_far: HowFar
+    overlays: tuple[Overlay, ...]
+    after: _Gap | None
+
+    @property
+    def by(self) -> float:
+        """How far the gap shrinks."""
+        return (self.how_far.shrinks_by or 0.0) if self.found else 0.0
+
+    @property
+    def explains(self) -> bool:
+        """Whether what is left is no more than noise."""
+        return self.after is not None and self.after.chance >= LEVEL
+
+    def dropped_but(self, other: _Held) -> tuple[Rejected, ...]:
+        """Those dropped here that another set of findings neither has nor drops."""
+        said = {(item.effect, item.place) for item in other.found} | {(r.effect, r.at) for r in other.dropped}
+        return tuple(item for item in self.dropped if (item.effect, item.at) not in said)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
 
@@ -150,14 +189,16 @@ class _Diagnosing:
         state = Search(seen, seen_whiten)
         state.begin()
         if before.chance < LEVEL:
-            state = search(seen, seen_whiten, lambda what: self.tell(f"found {what}, looking on"))
-        found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
-        how_far, overlays, after = self._how_far(ready, ways, found, unseen)
-        while (idle := _idle(found, unseen.gains, how_far)) is not None:
-            dropped = (*dropped, Rejected(idle.effect, idle.place, "no gain on held-out data"))
-            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not idle], ways)
-            dropped = (*dropped, *more)
-            how_far, overlays, after = self._how_far(ready, ways, found, unseen)
+            state = search(state, self._found_so_far)
+        held = self._held(whole, whiten, state, ways, ready)
+        if held.failed and not held.explains:
+            # what holds on the runs that were fitted alone may stand in the way of what holds everywhere
+            other = search(state.without(held.failed), self._found_so_far)
+            again = self._held(whole, whiten, other, ways, ready)
+            if again.by > held.by + HELPS:
+                state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
+        found, unseen, dropped = held.found, held.unseen, held.dropped
+        how_far, overlays, after = held.how_far, held.overlays, held.after
         fit = refined(seen, seen_whiten, found, blocks(seen.evidence)) if found else None
         if fit is not None:
             found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
@@ -192,6 +233,23 @@ class _Diagnosing:
             scores=_scores(state, found),
             overlays=tuple(_drawable(overlay) for overlay in overlays),
         )
+
+    def _found_so_far(self, what: str) -> None:
+        self.tell(f"found {what}, looking on")
+
+    def _held(
+        self, whole: Problem, whiten: Whitening, state: Search, ways: Sequence[Split], ready: Sequence[Run]
+    ) -> _Held:
+        """What of a search's findings holds on runs that no fit saw, in evidence and in simulation."""
+        found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
+        failed = {(item.effect, item.at) for item in dropped if item.why == GONE}
+        how_far, overlays, after = self._how_far(ready, ways, found, unseen)
+        while (idle := _idle(found, unseen.gains, how_far)) is not None:
+            dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
+            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not idle], ways)
+            dropped = (*dropped, *more)
+            how_far, overlays, after = self._how_far(ready, ways, found, unseen)
+        return _Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
 
     def _kind(self, item: Found) -> JointKind:
         """Of the joint that a finding is at; what is at arms and robots has one unit for both."""
@@ -243,7 +301,7 @@ class _Diagnosing:
                 return kept, unseen, tuple(dropped)
             item = kept.pop(worst)
             still = unseen.moves[worst] < NOTHING
-            why = "not excited by the held-out runs" if still else "no gain on held-out data"
+            why = "not excited by the held-out runs" if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), tuple(() for _ in ways)), tuple(dropped)
 
@@ -406,9 +464,11 @@ def _rejected(
     out: list[Rejected] = []
     for (effect, at), contender in sorted(best.items()):
         place = place_of(effect, at)
+        if (effect, place) in said:
+            continue
         if (effect, at) in state.banned:
             out.append(Rejected(effect, place, UNREAL))
-        elif (effect, place) not in said:
+        else:
             silent = contender.shows < NOTHING
             out.append(
                 Rejected(effect, place, "not excited by these runs" if silent else "no gain beside what was found")

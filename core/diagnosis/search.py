@@ -9,7 +9,7 @@ make needless are taken out again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -123,7 +123,7 @@ class Search:
         signatures: What was worked out of a hypothesis before: how it begins apart from what is left, and its slope.
             What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
-        banned: Effects and numbers of places that need a body that cannot exist.
+        banned: Effects and numbers of places that are out: they need a body that cannot exist, or did not hold.
     """
 
     problem: Problem
@@ -143,6 +143,15 @@ class Search:
         self.found, self.left = [], self.whiten(self.problem.residual({}))
         self.slope = np.zeros((len(self.left), 0))
 
+    def without(self, names: Collection[tuple[str, str]]) -> Search:
+        """A search from the beginning that knows what this one worked out, but for effects at places."""
+        other = Search(self.problem, self.whiten, first=self.first, signatures=self.signatures, scales=self.scales)
+        other.banned = self.banned | {
+            item.key for item in (one.hypothesis for one in self.first) if (item.effect, item.place) in names
+        }
+        other.begin()
+        return other
+
     def take(self, found: Sequence[Found], fit: Refined) -> None:
         """These findings, as fitted."""
         self.found = [replace(item, row=fit.rows[item.key]) for item in found]
@@ -160,10 +169,9 @@ def rows_of(found: Sequence[Found]) -> Rows:
     return out
 
 
-def search(problem: Problem, whiten: Whitening, tell: Callable[[str], None] | None = None) -> Search:
-    """Find the effects."""
-    state = Search(problem, whiten)
-    state.begin()
+def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
+    """Find the effects, from where a search stands."""
+    problem, whiten = state.problem, state.whiten
     parts = blocks(problem.evidence)
     most = 3 * problem.database.n + MORE_THAN_USUAL
     while len(state.found) < most:

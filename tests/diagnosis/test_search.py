@@ -11,7 +11,7 @@ from mbexport.core.diagnosis.fit import blocks, spread
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined, removal
-from mbexport.core.diagnosis.search import Found, rows_of, search, without_bodies
+from mbexport.core.diagnosis.search import Found, Search, rows_of, search, without_bodies
 from mbexport.core.effects import EffectRow, effect_named
 
 from .pendulums import pendulum_run
@@ -26,7 +26,9 @@ def question(against=None, **options):
 
 def found(asked):
     whiten = whitening(asked)
-    return search(asked, whiten), whiten
+    state = Search(asked, whiten)
+    state.begin()
+    return search(state), whiten
 
 
 def test_a_perfect_model_leaves_unit_noise_and_nothing_is_found():
