@@ -16,7 +16,8 @@ STIFF = Spring(math.inf, math.inf)
 class Backlash(Effect):
     """T = 0 while abs(theta - q) < gap/2, spring and damper beyond; the damper never pulls.
 
-    A dead zone before a spring-damper (Nordin and Gutman, 2002).
+    A dead zone before a spring-damper, whose damping alone would at times give torque of the wrong sign (Nordin, Galic
+    and Gutman, 1997).
     """
 
     name = "backlash"

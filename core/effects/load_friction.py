@@ -13,7 +13,7 @@ def level(p: Any, t: float, theta: float, dtheta: float, q: float, dq: float, lo
 
 
 class LoadFriction(Effect):
-    """mu abs(T) sign(theta'), solved with the accelerations (Dohring et al. 1993; Linderoth et al. 2013)."""
+    """mu abs(T) sign(theta'), solved with the accelerations (Dohring et al., 1993; Bittencourt et al., 2010)."""
 
     name = "load_friction"
     key = "joint"

@@ -18,7 +18,7 @@ COLUMNS = (
 class Payload(Effect):
     """A body in the last arm's frame; it adds to that arm's mass properties, which is the same motion exactly.
 
-    Where that arm bends, it stands whole behind the bend, where the frame is. Atkeson, An and Hollerbach (1986).
+    Where that arm bends, it stands whole behind the bend, where the frame is. Atkeson, An and Hollerbach (1985).
     """
 
     name = "payload"

@@ -12,7 +12,7 @@ from .effect import Column, Effect, EffectRow, with_drive
 class TorqueConstant(Effect):
     """The motor gives gain times the torque after torque_limit; the reported tau is without the gain.
 
-    A wrong joint drive gain (Gautier and Briot, 2014).
+    A wrong joint drive gain (Gautier and Briot, 2011).
     """
 
     name = "torque_constant"

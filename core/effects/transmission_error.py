@@ -25,7 +25,7 @@ def error_slope(p: Any, t: float, theta: float, dtheta: float, q: float, dq: flo
 class TransmissionError(Effect):
     """T = K (theta + e - q) + b (theta' (1 + de/dtheta) - q'); on the motor side (1 + de/dtheta) T: no power is lost.
 
-    Tuttle and Seering (1996) for harmonic drives: mostly two cycles a turn of the motor.
+    The kinematic error of harmonic drives, which comes back with the motor's turns (Tuttle and Seering, 1996).
     """
 
     name = "transmission_error"
