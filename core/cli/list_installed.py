@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from ..effects import Effect
 
 KINDS = ("backends", "effects", "robots")
+# what numbers and letters mean, for people
+_SAID = {"order": "order {}", "gate_class": "gates {}", "key": "by {}", "joints": "{} joints", "levels": "levels {}"}
+_UNSAID = ("name", "runs")
 
 
 @click.command("list", epilog="\b\nExample:\n  mbexport list backends")
@@ -28,8 +31,8 @@ def command(what: str | None, as_json: bool) -> None:
     for kind, rows in tables.items():
         click.echo(f"{kind}:")
         for row in rows:
-            name, *facts = (str(value) for value in row.values() if value not in (None, ""))
-            click.echo(f"  {name:<20} {'; '.join(facts)}")
+            facts = (_SAID.get(key, "{}").format(value) for key, value in row.items() if key not in _UNSAID and value)
+            click.echo(f"  {row['name']:<20} {'; '.join(facts)}")
 
 
 def _backends() -> list[dict[str, Any]]:
@@ -44,6 +47,8 @@ def _backends() -> list[dict[str, Any]]:
         try:
             backend = backend_named(report.name)
             row |= {
+                "does": "emits and runs" if backend.runs else "emits only",
+                "runs": backend.runs,
                 "engine": backend.engine,
                 "version": backend.version(),
                 "integrator": backend.integrator,

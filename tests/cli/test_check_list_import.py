@@ -80,12 +80,17 @@ def test_list_names_everything(mbexport):
     assert {"urdf", "mjcf", "exudyn", "pybullet"} <= set(backends)
     assert backends["urdf"]["engine"] == "Pinocchio"
     assert backends["mjcf"]["version"]
+    assert {name for name, row in backends.items() if not row["runs"]} == {"adams", "fmu", "simscape"}
     effects = {row["name"]: row for row in everything["effects"]}
     assert "Fc sign(theta')" in effects["coulomb_friction"]["law"]
     for kind in ("backends", "effects", "robots"):
         told = mbexport("list", kind).out
         assert told.startswith(f"{kind}:\n")
         assert all(f"  {row['name']} " in told for row in everything[kind])
+    told = {line.split()[0]: line for line in mbexport("list", "backends").out.splitlines()}
+    assert "emits only" in told["adams"]
+    assert "emits and runs" in told["mjcf"]
+    assert "order 4; gates A" in told["mjcf"]
 
 
 def test_a_broken_plugin_is_listed_and_hurts_nothing(mbexport, tmp_path, monkeypatch):
