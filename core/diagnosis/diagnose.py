@@ -59,6 +59,7 @@ EXACT = 0.01
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 UNREAL = "needs a body that cannot exist"
 GONE = "no gain on held-out data"
+WILD = "no engine can simulate the robot with it under this controller"
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
@@ -242,6 +243,10 @@ class _Diagnosing:
     ) -> _Held:
         """What of a search's findings holds on runs that no fit saw, in evidence and in simulation."""
         found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
+        while (wild := self._wild(ready, ways, found, unseen)) is not None:
+            dropped = (*dropped, Rejected(wild.effect, wild.place, WILD))
+            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not wild], ways)
+            dropped = (*dropped, *more)
         failed = {(item.effect, item.at) for item in dropped if item.why == GONE}
         how_far, overlays, after = self._how_far(ready, ways, found, unseen)
         while (idle := _idle(found, unseen.gains, how_far)) is not None:
@@ -250,6 +255,38 @@ class _Diagnosing:
             dropped = (*dropped, *more)
             how_far, overlays, after = self._how_far(ready, ways, found, unseen)
         return _Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
+
+    def _wild(self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen) -> Found | None:
+        """The finding without which the robot can be simulated, where with all of them no engine can."""
+
+        def goes(without: int | None) -> bool:
+            return any(self._goes(runs, ways, found, unseen, without, engine) for engine in engines)
+
+        engines = dict.fromkeys((self.backend, *self.backends))
+        if not found or goes(None):
+            return None
+        least_first = sorted(range(len(found)), key=lambda k: unseen.gains[k])
+        return found[next((k for k in least_first if goes(k)), least_first[0])]
+
+    def _goes(
+        self,
+        runs: Sequence[Run],
+        ways: Sequence[Split],
+        found: Sequence[Found],
+        unseen: Unseen,
+        without: int | None,
+        engine: str,
+    ) -> bool:
+        """Whether an engine can simulate the unseen runs with the findings, but for one of them."""
+        try:
+            for way, rows in zip(ways, unseen.rows, strict=True):
+                table = rows_of([replace(found[k], row=row) for k, row in enumerate(rows) if k != without])
+                for run in (runs[k] for k in way.unseen):
+                    nominal = robot_of(self.database, self.level, run)
+                    resimulated(robot_of(self.database, self.level, run, table), nominal, run, engine)
+        except RefusedError:
+            return False
+        return True
 
     def _kind(self, item: Found) -> JointKind:
         """Of the joint that a finding is at; what is at arms and robots has one unit for both."""

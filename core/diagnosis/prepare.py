@@ -23,6 +23,9 @@ LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
 # a motion is told from its sensor's noise where its spectrum stands so far above it
 ABOVE_NOISE = 10.0
 ORDER = 4
+# the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
+# positions do
+EDGE = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +116,7 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
             spline = interpolate.make_interp_spline(fine, smooth, k=5, axis=0)
             motion = [np.asarray(spline(t, nu=nu)) for nu in range(3)]
         measured[name], missing[name] = smooth[::every], hole[::every]
-    edge = int(np.ceil(1.5 / corner / (t[1] - t[0])))
+    edge = int(np.ceil(EDGE / corner / (t[1] - t[0])))
     q, dq, ddq = motion
     return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge)
 
