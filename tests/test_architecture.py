@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LEVELS = [
     {"errors"},
     {"representation", "files", "data_file", "parallel", "plugins", "rendering"},
-    {"effects", "kinematics", "shapes"},
+    {"effects", "kinematics", "shapes", "signals"},
     {"database"},
     {"importing", "build", "expansion", "motion"},
     {"control"},

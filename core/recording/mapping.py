@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -13,19 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control import LogFile
+from ..control.log_values import nearest
 from ..database.units import UnknownUnitError, factor
 from ..errors import Problem, RunFileError
 from ..representation import Joint
-from .run import JOINT_SIGNALS
+from ..signals import JOINT_SIGNALS, POSITION_SIGNALS, TURN_SIGNALS, joint_unit
 
 Vector = NDArray[np.float64]
 
-POSE_COLUMNS = ("ee_x", "ee_y", "ee_z", "ee_qw", "ee_qx", "ee_qy", "ee_qz")
 _KEYS = ("column", "unit", "sign", "gear", "offset", "delay")
 _TIME_KEYS = ("rate", "column", "unit", "offset")
 _NUMBERED = re.compile(rf"({'|'.join(sorted(JOINT_SIGNALS, key=len, reverse=True))})_([0-9]+)")
-# revolute, prismatic
-_UNITS = {"q": ("rad", "m"), "dq": ("rad/s", "m/s"), "ddq": ("rad/s^2", "m/s^2"), "tau": ("N*m", "N")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +86,10 @@ def _kind(name: str, joints: Sequence[Joint], file: str, problems: list[Problem]
     """SI unit of a signal of log.md; None for any other column."""
     if name == "t":
         return "s"
-    if name in POSE_COLUMNS:
-        return "m" if name in POSE_COLUMNS[:3] else ""
+    if name in POSITION_SIGNALS:
+        return "m"
+    if name in TURN_SIGNALS:
+        return ""
     match = _NUMBERED.fullmatch(name)
     if match is None:
         return None
@@ -99,7 +98,7 @@ def _kind(name: str, joints: Sequence[Joint], file: str, problems: list[Problem]
         message = f"there is no joint {number}: the robot has {len(joints)}, numbered from 1"
         problems.append(Problem(message, file=file, column=name))
         return None
-    return _UNITS[match[1].split("_")[0]][joints[number - 1].kind == "prismatic"]
+    return joint_unit(match[1], joints[number - 1].kind)
 
 
 class _Entry:
@@ -160,9 +159,7 @@ class _Entry:
             self._wrong("column", value, "must name a column, or columns with their factors: {m6: 1.0, m5: 0.031}")
         for name, weight in weights.items():
             if name not in self._header:
-                near = difflib.get_close_matches(name, self._header, 1)
-                hint = f" (did you mean {near[0]}?)" if near else ""
-                self._wrong("column", name, f"the data file has no such column{hint}")
+                self._wrong("column", name, f"the data file has no such column{nearest(name, self._header)}")
             elif not isinstance(weight, float) or not math.isfinite(weight):
                 self._wrong(f"column.{name}", weight, "must be a finite number: the column's factor in the sum")
         return weights

@@ -13,8 +13,9 @@ import numpy as np
 from ..control import Control, LogFile, read_control, read_locked, read_log, read_noise, read_payload
 from ..data_file import DATA_SUFFIXES, column_names, data_file_of, read_columns
 from ..errors import Problem, RunFileError
-from .mapping import POSE_COLUMNS, Recipe, recipes_of
-from .run import JOINT_SIGNALS, MEASURED, LeftOut, Run, Vector
+from ..signals import JOINT_SIGNALS, POSITION_SIGNALS, TURN_SIGNALS
+from .mapping import Recipe, recipes_of
+from .run import MEASURED, LeftOut, Run, Vector
 from .sensors import bad_samples
 from .stamps import copied_rows, rows_in_order, uneven_steps
 
@@ -189,11 +190,10 @@ def _signals(channels: Mapping[str, Vector], n: int) -> dict[str, Vector]:
         names = [f"{signal}_{i}" for i in range(1, n + 1)]
         if any(name in channels for name in names):
             signals[signal] = np.column_stack([channels.get(name, nothing) for name in names])
-    position, turn = POSE_COLUMNS[:3], POSE_COLUMNS[3:]
-    if any(name in channels for name in position):
-        signals["ee"] = np.column_stack([channels.get(name, nothing) for name in position])
-    if all(name in channels for name in turn):
-        quaternion = np.column_stack([channels[name] for name in turn])
+    if any(name in channels for name in POSITION_SIGNALS):
+        signals["ee"] = np.column_stack([channels.get(name, nothing) for name in POSITION_SIGNALS])
+    if all(name in channels for name in TURN_SIGNALS):
+        quaternion = np.column_stack([channels[name] for name in TURN_SIGNALS])
         length = np.linalg.norm(quaternion, axis=1)
         signals["ee_rot"] = quaternion / np.where(length > 0.0, length, math.nan)[:, None]
     return signals

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-JOINT_SIGNALS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd", "q", "dq", "q_link", "tau", "tau_link")
 MEASURED = ("q", "dq", "q_link", "tau", "tau_link", "ee", "ee_rot")
 
 

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..files import write_whole
+from ..representation import JointKind
+from ..signals import JOINT_SIGNALS, POSITION_SIGNALS, TURN_SIGNALS, joint_unit
 from .backend import Vector
 
 if TYPE_CHECKING:
     import xarray
-
-JOINT_SIGNALS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd", "q", "dq", "q_link", "tau", "tau_link")
-POSE_SIGNALS = ("ee_x", "ee_y", "ee_z", "ee_qw", "ee_qx", "ee_qy", "ee_qz")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +35,7 @@ class Trace:
     t: Vector
     joints: Mapping[str, Vector]
     tool_in_base: Vector
-    kinds: tuple[str, ...]
+    kinds: tuple[JointKind, ...]
     facts: Mapping[str, Any]
     warnings: tuple[str, ...] = field(default=())
 
@@ -83,19 +82,17 @@ class Trace:
         xyzw = Rotation.from_matrix(self.tool_in_base[:, :3, :3]).as_quat()
         xyzw = xyzw * np.where(xyzw[:, 3:] < 0, -1.0, 1.0)
         pose = np.hstack([self.tip, xyzw[:, 3:], xyzw[:, :3]])
-        columns.update(zip(POSE_SIGNALS, pose.T, strict=True))
+        columns.update(zip(POSITION_SIGNALS + TURN_SIGNALS, pose.T, strict=True))
         return columns
 
     def dataset(self) -> xarray.Dataset:
         """The run as labelled arrays: dimensions t, joint, axis; units as attributes."""
         import xarray
 
-        units = {"q": ("rad", "m"), "dq": ("rad/s", "m/s"), "ddq": ("rad/s^2", "m/s^2"), "tau": ("N*m", "N")}
         names = [f"joint_{i + 1}" for i in range(len(self.kinds))]
         data: dict[str, Any] = {}
         for signal, values in self.joints.items():
-            pair = units[signal.split("_")[0]]
-            unit = [pair[kind == "prismatic"] for kind in self.kinds]
+            unit = [joint_unit(signal, kind) for kind in self.kinds]
             data[signal] = (("t", "joint"), values, {"units": unit[0] if len(set(unit)) == 1 else unit})
         data["tip"] = (("t", "axis"), self.tip, {"units": "m"})
         return xarray.Dataset(
