@@ -8,6 +8,7 @@ import numpy as np
 
 from ..kinematics import reach
 from ..motion import MotionLaw, from_table
+from ..motion.quintic import PEAK_SPEED
 from ..representation import Robot
 from ..simulation.backend import Vector
 
@@ -15,9 +16,6 @@ AMPLITUDE = 0.4
 """How far a revolute joint goes [rad]; a prismatic one goes this part of half the reach."""
 FULL_DURATION = 2.0
 """Time that this takes [s]; a shorter exercise goes less far, so that nothing accelerates more."""
-
-# peak speed of the quintic 10 u^3 - 15 u^4 + 6 u^5 over its mean
-PEAK_SPEED = 1.875
 
 
 def exercise(robot: Robot, duration: float) -> MotionLaw:

@@ -11,6 +11,7 @@ from ..errors import UsageError
 from ..kinematics import reach
 from ..representation import Robot
 from .law import MotionLaw, from_table
+from .quintic import risen
 
 Array = NDArray[np.float64]
 
@@ -108,10 +109,8 @@ def _blend(t: Array, ramp: float, duration: float) -> tuple[Array, Array, Array]
     up, down = np.clip(t / ramp, 0.0, 1.0), np.clip((duration - t) / ramp, 0.0, 1.0)
     u = np.minimum(up, down)
     sign = np.where(up < down, 1.0, -1.0)
-    value = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-    slope = sign * 30.0 * u**2 * (1.0 - u) ** 2 / ramp
-    bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / ramp**2
-    return value, slope, bend
+    value, slope, bend = risen(u)
+    return value, sign * slope / ramp, bend / ramp**2
 
 
 def _blended(

@@ -17,6 +17,7 @@ from ..errors import UsageError
 from ..kinematics import REACHED, InverseKinematics, Task, independent_joints, inverse_kinematics, reach, shortest_turn
 from ..representation import Robot
 from .law import MotionLaw, from_table
+from .quintic import risen
 
 Array = NDArray[np.float64]
 
@@ -129,10 +130,10 @@ def _timed(place: Place, corners: Array, duration: float) -> MotionLaw:
     acceleration: list[Array] = [np.zeros((1, 2))]
     for corner, edge, count in zip(corners[:-1], edges, steps.tolist(), strict=True):
         time = float(count * KNOT_SPACING)
-        u = np.linspace(0.0, 1.0, count + 1)[1:, None]
-        points.append(corner + edge * (u**3 * (10.0 - 15.0 * u + 6.0 * u**2)))
-        velocity.append(edge * (30.0 * u**2 * (1.0 - u) ** 2) / time)
-        acceleration.append(edge * (60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)) / time**2)
+        value, slope, bend = risen(np.linspace(0.0, 1.0, count + 1)[1:, None])
+        points.append(corner + edge * value)
+        velocity.append(edge * slope / time)
+        acceleration.append(edge * bend / time**2)
     p, v, a = (np.concatenate(parts) for parts in (points, velocity, acceleration))
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=1))])
     solver, targets = place.solver, place.targets(p)

@@ -15,6 +15,7 @@ from ..kinematics import reach
 from ..representation import Robot
 from .excitation import excitation
 from .law import MotionLaw, from_table
+from .quintic import PEAK_ACCELERATION, PEAK_SPEED, risen
 
 Vector = NDArray[np.float64]
 
@@ -210,9 +211,9 @@ def _stands(robot: Robot) -> Callable[[Room, float], MotionLaw]:
         knots, rows = [0.0], [room.centre]
         for before, after in pairwise(places):
             way = np.abs(after - before)
-            # peaks of a quintic's speed and acceleration
             needed = max(
-                float(np.max(1.875 * way / room.speed)), float(np.max(np.sqrt(5.774 * way / room.acceleration)))
+                float(np.max(PEAK_SPEED * way / room.speed)),
+                float(np.max(np.sqrt(PEAK_ACCELERATION * way / room.acceleration))),
             )
             knots += [knots[-1] + max(needed, 0.5 * duration / POSES)]
             rows += [after]
@@ -284,10 +285,10 @@ def _sine(frequency: float) -> Profile:
         w = 2.0 * math.pi * frequency
         ramp = min(GROWTH, 0.25 * duration)
         # a growing sine is a little faster than one that has grown
-        faster = 1.0 + 1.875 / (w * ramp)
+        faster = 1.0 + PEAK_SPEED / (w * ramp)
         size = min(swing, speed / (w * faster), acceleration / (w * w * faster**2))
         t = np.linspace(0.0, duration, 1 + math.ceil(duration / min(SPACING, 0.05 / frequency)))
-        rise, middle, end = (_risen((t - at) / ramp) for at in (0.0, 0.5 * duration, duration - ramp))
+        rise, middle, end = (risen((t - at) / ramp) for at in (0.0, 0.5 * duration, duration - ramp))
         scale = (1.0, 1.0 / ramp, 1.0 / ramp**2)
         e, de, dde = (
             size * s * (SMALL * a + (1.0 - SMALL) * b - c) for s, a, b, c in zip(scale, rise, middle, end, strict=True)
@@ -301,13 +302,3 @@ def _sine(frequency: float) -> Profile:
         )
 
     return profile
-
-
-def _risen(s: Vector) -> tuple[Vector, Vector, Vector]:
-    """From 0 to 1 on a quintic as s goes from 0 to 1, with two derivatives."""
-    u = np.clip(s, 0.0, 1.0)
-    return (
-        u**3 * (10.0 - 15.0 * u + 6.0 * u**2),
-        30.0 * u**2 * (1.0 - u) ** 2,
-        60.0 * u * (1.0 - u) * (1.0 - 2.0 * u),
-    )
