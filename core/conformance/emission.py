@@ -15,9 +15,8 @@ from ..representation import Robot, Stage
 from ..simulation.backend import Concept, Emission
 from ..simulation.concepts import data_of
 from .check import Check, ConformanceError, Refusals, must
-from .subject import Subject, robot
+from .subject import ROBOTS, Subject, robot
 
-ROBOTS = ("arm7", "imece2013", "pendulum", "planar2r", "puma560", "scara")
 QUICK = ("planar2r", "scara")
 STATUSES = ("exact", "approximated", "impossible")
 # small beside every number, and larger than what rounding may take away on its way into a file

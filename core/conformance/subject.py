@@ -20,6 +20,9 @@ from ..simulation.program import whole_program
 REFERENCES = ("urdf", "mjcf")
 """Backends that others are held against; one is not held against itself."""
 
+ROBOTS = ("arm7", "imece2013", "pendulum", "planar2r", "puma560", "scara")
+"""Built-in robots that every check of what is emitted, and of statics, goes through."""
+
 DURATION = 1.0
 """Of a run [s] where nothing else is said."""
 

@@ -9,9 +9,8 @@ from ..agreement.quantities import STATICS
 from ..database import Database
 from .check import Check, ConformanceError, Refusals, must
 from .robots import SEEDS, random_database
-from .subject import Subject, database
+from .subject import ROBOTS, Subject, database
 
-ROBOTS = ("arm7", "imece2013", "pendulum", "planar2r", "puma560", "scara")
 ELASTIC = ("arm7", "imece2013", "planar2r", "scara")
 RUBBING = ("planar2r", "pendulum", "puma560", "scara", "arm7")
 RUNS = {
