@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from ..core.errors import RefusedError
 from ..core.representation import Robot
-from ..core.simulation.backend import Backend, Concept, Emission, Engine, Program
+from ..core.simulation.backend import Concept, Emission, Program
 from .adams_build import Built, adams_name, build_model
 from .adams_drives import said_laws
 from .adams_text import command_text, dataset_text, run_text
-from .common import Fate, concepts_of, header_lines, weightless_motor
+from .common import Fate, concepts_of, header_lines
+from .emitted_only import EmittedOnly
 
 _FATES: dict[str, Fate] = {
     "gravity": ("exact", "ACCGRAV"),
@@ -41,7 +41,7 @@ _FATES: dict[str, Fate] = {
 }
 
 
-class AdamsBackend(Backend):
+class AdamsBackend(EmittedOnly):
     """A View command file (.cmd), a Solver dataset (.adm) and the Solver's commands to run it (.acf)."""
 
     name: ClassVar[str] = "adams"
@@ -53,15 +53,7 @@ class AdamsBackend(Backend):
     stable: ClassVar[float] = math.inf
     # its parts without mass of their own may hang on springs: no need of motor sides that stand still
     scripted: ClassVar[bool] = False
-    runs: ClassVar[bool] = False
-
-    def version(self) -> str:
-        """None: Adams is not here."""
-        return ""
-
-    def refusal(self, robot: Robot, program: Program | None) -> str | None:
-        """An elastic joint moved by torque needs an inertia between torque and spring."""
-        return weightless_motor(robot, program)
+    elsewhere: ClassVar[str] = "Adams is a program of its own, that opens the .cmd or runs the .adm."
 
     def emit(self, robot: Robot, program: Program) -> Emission:
         """The robot, and its program, as three files.
@@ -69,9 +61,7 @@ class AdamsBackend(Backend):
         Raises:
             RefusedError: An elastic joint without an inertia shall be moved by torque, or the robot finds no rest.
         """
-        reason = self.refusal(robot, program)
-        if reason is not None:
-            raise RefusedError(f"{self.name} refuses {robot.name}: {reason}")
+        self.insist_on(robot, program)
         built = build_model(robot, program)
         name = adams_name(robot.name)
         header = header_lines(
@@ -93,14 +83,6 @@ class AdamsBackend(Backend):
         }
         concepts = concepts_of(robot, lambda datum, i: _fate(robot, program, datum, i))
         return Emission(self.name, f"{name}.cmd", files, concepts + tuple(_of_program(program, built)))
-
-    def load(self, emission: Emission) -> Engine:
-        """Not here.
-
-        Raises:
-            RefusedError: Always.
-        """
-        raise RefusedError("adams: emitted only; Adams is a program of its own, that opens the .cmd or runs the .adm.")
 
 
 def _motion_line(built: Built) -> str:

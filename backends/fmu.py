@@ -7,11 +7,11 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import ClassVar, Literal
 
-from ..core.errors import RefusedError
 from ..core.representation import Robot
-from ..core.simulation.backend import Backend, Concept, Emission, Engine, Program
+from ..core.simulation.backend import Backend, Concept, Emission, Program
 from ..core.simulation.step import choose_step, poses_of
-from .common import Fate, concepts_of, header_lines, weightless_motor
+from .common import Fate, concepts_of, header_lines
+from .emitted_only import EmittedOnly
 from .fmu_unit import Unit, archive, binary_place, compiled_unit, compiler, unit_of
 
 _FATES: dict[str, Fate] = {
@@ -33,7 +33,7 @@ _FATES: dict[str, Fate] = {
 }
 
 
-class FmuBackend(Backend):
+class FmuBackend(EmittedOnly):
     """An FMU for co-simulation: description, C sources, and a binary of this platform where there is a compiler."""
 
     name: ClassVar[str] = "fmu"
@@ -45,16 +45,8 @@ class FmuBackend(Backend):
     stable: ClassVar[float] = 2.7
     # it may be driven either way, so elastic parts are joints on springs, moved by nothing else
     scripted: ClassVar[bool] = False
-    runs: ClassVar[bool] = False
+    elsewhere: ClassVar[str] = "a tool that imports FMI 2.0 units runs it, FMPy for instance."
     compiles: ClassVar[bool] = True
-
-    def version(self) -> str:
-        """None: importers are elsewhere."""
-        return ""
-
-    def refusal(self, robot: Robot, program: Program | None) -> str | None:
-        """An elastic joint moved by torque needs an inertia between torque and spring."""
-        return weightless_motor(robot, program)
 
     def emit(self, robot: Robot, program: Program) -> Emission:
         """One .fmu.
@@ -70,9 +62,7 @@ class FmuBackend(Backend):
         Raises:
             RefusedError: A law has no form in C, or the robot cannot be moved so.
         """
-        reason = self.refusal(robot, program)
-        if reason is not None:
-            raise RefusedError(f"{self.name} refuses {robot.name}: {reason}")
+        self.insist_on(robot, program)
         program = replace(program, step=_step(self, robot, program))
         header = header_lines(
             robot,
@@ -92,14 +82,6 @@ class FmuBackend(Backend):
             return Emission(self.name, main, {}, concepts, {main: archive(content)})
 
         return packed
-
-    def load(self, emission: Emission) -> Engine:
-        """Not here.
-
-        Raises:
-            RefusedError: Always.
-        """
-        raise RefusedError("fmu: emitted only; a tool that imports FMI 2.0 units runs it, FMPy for instance.")
 
 
 def _in_background(function: Callable[[Unit, str], bytes], unit: Unit, with_compiler: str) -> Future[bytes]:

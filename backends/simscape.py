@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from ..core.errors import RefusedError
 from ..core.representation import Robot
-from ..core.simulation.backend import Backend, Concept, Emission, Engine, Program
-from .common import Fate, concepts_of, header_lines, weightless_motor
+from ..core.simulation.backend import Concept, Emission, Program
+from .common import Fate, concepts_of, header_lines
+from .emitted_only import EmittedOnly
 from .simscape_text import matlab_files, matlab_name, unsaid_laws
 from .urdf_text import urdf_text
 
@@ -43,7 +43,7 @@ _FATES: dict[str, Fate] = {
 }
 
 
-class SimscapeBackend(Backend):
+class SimscapeBackend(EmittedOnly):
     """MATLAB functions for Simscape Multibody (class API, R2022a and later) and a URDF for smimport."""
 
     name: ClassVar[str] = "simscape"
@@ -53,16 +53,7 @@ class SimscapeBackend(Backend):
     gate_class: ClassVar[Literal["A", "B"]] = "A"
     largest_step: ClassVar[float] = 1.0e-3
     stable: ClassVar[float] = math.inf
-    scripted: ClassVar[bool] = False
-    runs: ClassVar[bool] = False
-
-    def version(self) -> str:
-        """None: MATLAB is not here."""
-        return ""
-
-    def refusal(self, robot: Robot, program: Program | None) -> str | None:
-        """An elastic joint moved by torque needs an inertia between torque and spring."""
-        return weightless_motor(robot, program)
+    elsewhere: ClassVar[str] = "the functions run in MATLAB with Simscape Multibody."
 
     def emit(self, robot: Robot, program: Program) -> Emission:
         """The robot, its commands and its drives as functions, and the URDF.
@@ -70,9 +61,7 @@ class SimscapeBackend(Backend):
         Raises:
             RefusedError: An elastic joint without an inertia shall be moved by torque, or the robot finds no rest.
         """
-        reason = self.refusal(robot, program)
-        if reason is not None:
-            raise RefusedError(f"{self.name} refuses {robot.name}: {reason}")
+        self.insist_on(robot, program)
         name = matlab_name(robot.name)
         header = header_lines(
             robot,
@@ -89,14 +78,6 @@ class SimscapeBackend(Backend):
         files[f"{name}.urdf"] = urdf_text(robot)
         concepts = concepts_of(robot, lambda datum, i: _fate(robot, program, name, datum, i))
         return Emission(self.name, f"{name}_simscape.m", files, concepts + tuple(_of_program(program, name)))
-
-    def load(self, emission: Emission) -> Engine:
-        """Not here.
-
-        Raises:
-            RefusedError: Always.
-        """
-        raise RefusedError("simscape: emitted only; the functions run in MATLAB with Simscape Multibody.")
 
 
 def _of_program(program: Program, name: str) -> list[Concept]:
