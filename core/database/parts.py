@@ -16,7 +16,7 @@ from .frozen import FrozenMap
 from .motions import read_motion_rows
 from .problems import Problems, listed, nearest
 from .rows import Row, read_rows
-from .schema import CORRECTIONS, INERTIA, JOINTS, KINEMATICS, Table, effect_table
+from .schema import CORRECTIONS, INERTIA, JOINTS, KINEMATICS, Table, effect_table, free_in_correction
 from .settings import LARGEST_MESH, Notes, Settings, read_visuals
 from .sources import SETTINGS_FILE, Sources
 from .table import RawTable
@@ -200,7 +200,7 @@ def _read_corrections(sources: Sources, parts: Parts, settings: Settings, proble
 
 def _check_correction(row: Row, correction: VeitscheggerWu, joint: Joint, problems: Problems) -> None:
     """A correction may turn and shift the joint's frame along its axis, and a prismatic one's anywhere, but no more."""
-    free = ("theta", "d") if joint.kind == "revolute" else ("a", "theta", "d")
+    free = free_in_correction(joint.kind)
     wrong = [name for name in _FIVE if name not in free and abs(getattr(correction, name)) > CORRECTION_SLACK]
     if not wrong:
         return

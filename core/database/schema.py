@@ -101,3 +101,8 @@ def motion_table(name: str, kinds: tuple[JointKind, ...]) -> Table:
         for joint, kind in enumerate(kinds, 1)
     )
     return Table(f"motions/{name}", "t", columns)
+
+
+def free_in_correction(kind: JointKind) -> tuple[str, ...]:
+    """What a correction before a joint may have and not change its motion: along its axis, and sideways of a slide."""
+    return ("theta", "d") if kind == "revolute" else ("a", "theta", "d")

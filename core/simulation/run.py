@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 DEFAULT_RATE = 1000.0
 # two instants closer than this are one [s]
 INSTANT = 1.0e-9
+# a joint this far beyond a limit is at it [rad or m]
+AT_LIMIT = 1.0e-9
 
 Tell = Callable[[float], None]
 
@@ -417,7 +419,7 @@ def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
     """Where and when a run left the joints' limits, which bound the planning and which no engine enforces."""
     for i, stage in enumerate(robot.stages):
         joint = stage.joint
-        outside = (q[:, i] < joint.lower - INSTANT) | (q[:, i] > joint.upper + INSTANT)
+        outside = (q[:, i] < joint.lower - AT_LIMIT) | (q[:, i] > joint.upper + AT_LIMIT)
         if outside.any():
             first = float(times[int(np.argmax(outside))])
             unit = "m" if joint.kind == "prismatic" else "rad"

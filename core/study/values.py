@@ -12,7 +12,7 @@ from ..database import FrozenMap, Placement
 from ..database.bodies import fault_of
 from ..database.problems import nearest
 from ..database.rows import bounds_fault
-from ..database.schema import CORRECTIONS, INERTIA, JOINTS, KINEMATICS, effect_table
+from ..database.schema import CORRECTIONS, INERTIA, JOINTS, KINEMATICS, effect_table, free_in_correction
 from ..effects import Column, EffectRow, catalogue, effect_named
 from ..errors import PluginError, RefusedError, UsageError
 from ..representation import FrictionModel
@@ -60,7 +60,7 @@ class Place:
 
     def definition(self) -> Column:
         """The column's unit and bounds."""
-        return next(column for column in _columns(self.table) if column.name == self.column)
+        return next(column for column in columns(self.table) if column.name == self.column)
 
     def unit(self, database: Database) -> str:
         """SI unit of the number at this joint."""
@@ -82,11 +82,11 @@ def find_places(name: str, at: str, database: Database) -> tuple[Place, ...]:
     """
     table, dot, column = name.partition(".")
     column = column if dot else table
-    columns = [entry.name for entry in _columns(table)]
-    if not columns:
+    known_columns = [entry.name for entry in columns(table)]
+    if not known_columns:
         raise UsageError(f"{name!r}: a database has no table {table!r}; {nearest(table, tables())}")
-    if column not in columns:
-        raise UsageError(f"{name!r}: {table} has no column {column!r}; {nearest(column, columns)}")
+    if column not in known_columns:
+        raise UsageError(f"{name!r}: {table} has no column {column!r}; {nearest(column, known_columns)}")
     if table in _FIXED_TABLES and table != "joints" and database.kinematics_convention == "modified":
         raise UsageError(
             f"{name!r}: the tables of {database.name} are in the modified convention and are converted on reading; "
@@ -108,9 +108,18 @@ def tables() -> tuple[str, ...]:
     return (*_FIXED_TABLES, *_SETTINGS, *catalogue())
 
 
+@cache
 def columns(table: str) -> tuple[Column, ...]:
-    """Columns of numbers that a table has; () where there is no such table."""
-    return _columns(table)
+    """Columns of numbers that a run depends on; () where there is no such table."""
+    if table in _SETTINGS:
+        return _SETTINGS[table]
+    if table == "joints":
+        return tuple(column for column in JOINTS.columns if isinstance(column, Column) and column.name == "home")
+    try:
+        fixed = _FIXED_TABLES.get(table) or effect_table(effect_named(table))
+    except PluginError:
+        return ()
+    return tuple(column for column in fixed.columns if isinstance(column, Column))
 
 
 def rows(table: str, column: str, database: Database) -> tuple[Place, ...]:
@@ -256,8 +265,7 @@ def free_correction(place: Place, database: Database) -> bool:
     """Whether a correction may have this number and still not change the joint's motion (database.md)."""
     if place.table != "corrections" or place.at == database.n:
         return True
-    kind = database.joints[place.at].kind
-    return place.column in (("theta", "d") if kind == "revolute" else ("a", "theta", "d"))
+    return place.column in free_in_correction(database.joints[place.at].kind)
 
 
 def _key(table: str) -> Key:
@@ -266,20 +274,6 @@ def _key(table: str) -> Key:
     if table in _FIXED_TABLES:
         return "joint" if table == "joints" else "arm"
     return effect_named(table).key
-
-
-@cache
-def _columns(table: str) -> tuple[Column, ...]:
-    """Columns of numbers that a run depends on; () where there is no such table."""
-    if table in _SETTINGS:
-        return _SETTINGS[table]
-    if table == "joints":
-        return tuple(column for column in JOINTS.columns if isinstance(column, Column) and column.name == "home")
-    try:
-        fixed = _FIXED_TABLES.get(table) or effect_table(effect_named(table))
-    except PluginError:
-        return ()
-    return tuple(column for column in fixed.columns if isinstance(column, Column))
 
 
 def _rows_of(table: str, database: Database) -> list[int]:
