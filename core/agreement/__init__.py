@@ -1,6 +1,7 @@
 """Do all engines run the same robot? Every voice against every other, with gates, and who is wrong in words."""
 
-from .agreement import Agreement, Omission, Voice, agree
+from .agree import agree
+from .agreement import Agreement, Omission, Voice
 from .compare import Figure, Order
 from .culprit import Finding
 from .gates import GATES, Gate

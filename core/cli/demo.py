@@ -86,7 +86,7 @@ class Story:
         from ..control import default_pd
         from ..database import load
         from ..motion import motion_named
-        from .demo_picture import draw
+        from ..report.demo_picture import draw
 
         database = load(self.robot)
         self._check(database)
@@ -169,7 +169,7 @@ class Story:
         """How far the tip leaves the rigid path, and how far apart the engines are [m]."""
         import numpy as np
 
-        from .demo_picture import NAMES, of_high_order, worst_apart
+        from ..report.demo_picture import NAMES, of_high_order, worst_apart
 
         rigid = next(iter(runs["rigid"].values()))
         facts: dict[str, Any] = {}
@@ -209,7 +209,7 @@ class Story:
     def _agree(self, database: Database, engines: Sequence[str]) -> dict[str, Any]:
         """Whether the engines agree, with the report."""
         from ..agreement import agree
-        from ..agreement.agreement import DURATION
+        from ..agreement.agree import DURATION
         from ..agreement.quantities import STATICS
         from ..agreement.scenarios import SCENARIOS
         from ..report import agreement_page

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from ..study import Results
 from ..study.figures import TIP
 from ..study.sensitivity import level_means
-from .pictures import COLOURS, Picture, new_figure, picture, styled
+from .pictures import COLOURS, Drawing, Picture, new_figure, picture, styled
 
 MILLIMETRES = 1.0e3
 MEANINGS = {"tip_rms": "root mean square", "tip_max": "maximum", "tip_end": "at the end"}
@@ -29,19 +28,13 @@ _POINTS = 2000
 
 def study_picture(results: Results) -> Picture:
     """The picture as part of a page."""
-    caption = (
-        "Left: what each parameter contributes; whiskers are intervals of 95 %. Above: the error over the parameter it "
-        "owes most to, a point a variant. Below: how the error is spread over the variants."
-    )
-    return picture(_figure(results), "Sensitivity of the tip's error, and its spread", caption)
+    drawing = _drawing(results)
+    return picture(drawing.figure, drawing.alt, drawing.caption)
 
 
 def study_png(results: Results) -> bytes:
     """The picture as a PNG file; the same bytes for the same results and libraries."""
-    out = io.BytesIO()
-    with styled():
-        _figure(results).savefig(out, format="png", dpi=DPI, metadata={"Software": None})
-    return out.getvalue()
+    return _drawing(results).png(DPI)
 
 
 def short_names(names: Sequence[str]) -> tuple[list[str], str]:
@@ -52,7 +45,7 @@ def short_names(names: Sequence[str]) -> tuple[list[str], str]:
     return list(names), ""
 
 
-def _figure(results: Results) -> Any:
+def _drawing(results: Results) -> Drawing:
     rows = len(results.study.design.free)
     with styled():
         figure = new_figure(10.5, max(4.4, 1.9 + 0.46 * rows))
@@ -60,7 +53,11 @@ def _figure(results: Results) -> Any:
         _draw_indices(figure.add_subplot(grid[:, 0]), results)
         _draw_strongest(figure.add_subplot(grid[0, 1]), results)
         _draw_spread(figure.add_subplot(grid[1, 1]), results)
-    return figure
+    caption = (
+        "Left: what each parameter contributes; whiskers are intervals of 95 %. Above: the error over the parameter it "
+        "owes most to, a point a variant. Below: how the error is spread over the variants."
+    )
+    return Drawing(figure, "Sensitivity of the tip's error, and its spread", caption)
 
 
 def _draw_indices(axes: Any, results: Results) -> None:

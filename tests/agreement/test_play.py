@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mbexport.core.agreement.agreement import agree
+from mbexport.core.agreement import agree
 from mbexport.core.agreement.compare import compare_runs, orders
 from mbexport.core.agreement.gates import OPEN, PAPER_REACH
 from mbexport.core.agreement.runs import run_all
