@@ -86,7 +86,7 @@ class Scene:
             section_color=(200, 206, 213),
             position=place.xyz,
         )
-        self._scene.add_frame("/base", show_axes=False, position=place.xyz, wxyz=place.quaternion())
+        self._base = self._scene.add_frame("/base", show_axes=False)
         camera = server.initial_camera
         middle = np.array(place.xyz) + np.array([0.25, 0.0, 0.35]) * size
         camera.look_at = tuple(middle)
@@ -131,6 +131,8 @@ class Scene:
         """Shapes and frames of a robot, anew."""
         for node in [*self._shapes, *self._arms, *self._ghosts, *self._frames, *self._axes]:
             node.remove()
+        # a base that tilts takes all with it that is told in the base: the robot, the one without effects, the paths
+        self._base.position, self._base.wxyz = robot.base.xyz, robot.base.quaternion()
         scene, size = self._scene, self._size
         self._shapes, self._arms, self._ghosts = [], [], []
         for stage in robot.stages:

@@ -6,6 +6,7 @@ import shutil
 import socket
 import sys
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -14,6 +15,7 @@ from mbexport.core.cli.studio import command
 from mbexport.core.errors import UsageError
 from mbexport.core.studio import Bench
 from mbexport.core.studio.page import Page, server_module
+from mbexport.core.study.values import Place
 
 
 @pytest.fixture
@@ -45,6 +47,19 @@ def test_strangers_pages_are_turned_away(page):
     assert " 403 " in answer_to(page, "http://evil.example", "evil.example")
     assert page._server.get_host() == "127.0.0.1"
     assert page._server.request_share_url() is None
+
+
+def test_a_base_that_tilts_is_seen_to(page):
+    upright = page.session.settle().robot.base.quaternion()
+    assert page._scene._base.wxyz == pytest.approx(upright)
+    page.session.switch("base_tilt", True)
+    page.session.change(Place("base_tilt", "roll", "robot", 0), 0.2)
+    tilted = page.session.settle().robot.base
+    assert np.degrees(2.0 * np.arccos(min(1.0, abs(np.dot(tilted.quaternion(), upright))))) == pytest.approx(
+        np.degrees(0.2)
+    )
+    assert page._scene._base.wxyz == pytest.approx(tilted.quaternion())
+    assert page._scene._base.position == pytest.approx(tilted.xyz)
 
 
 def test_without_the_library_it_says_what_to_install(monkeypatch):
