@@ -136,7 +136,7 @@ def _motion_of(run: Run) -> _Motion:
     commanded = q is not None and bool(np.isfinite(q).all())
     step = 1.0 / run.rate
     if q is None or not commanded:
-        q = np.column_stack([_bridged(column, run.t) for column in run.signals["q"].T])
+        q = np.column_stack([bridged(column, run.t) for column in run.signals["q"].T])
         q = _smoothed(q, max(5, 2 * round(0.02 / step) + 1))
     dq = np.gradient(q, run.t, axis=0)
     moving = np.abs(dq) > 1.0e-3 * np.abs(dq).max(axis=0, initial=1e-300)
@@ -192,7 +192,8 @@ def _stretches(avoided: Rows, breaks: Rows, length: int) -> list[int]:
     return sorted(starts)
 
 
-def _bridged(values: Vector, t: Vector) -> Vector:
+def bridged(values: Vector, t: Vector) -> Vector:
+    """A channel (m,) with what is missing on straight lines between the others; zeros where nothing is there."""
     finite = np.isfinite(values)
     return np.interp(t, t[finite], values[finite]) if finite.any() else np.zeros_like(values)
 

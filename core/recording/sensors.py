@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..build import build
 from ..kinematics import dynamics, kinematics
-from .noise import quantisation
+from .noise import bridged, quantisation
 from .run import LeftOut, Run, Vector
 from .stamps import spans_of
 
@@ -278,14 +278,7 @@ class _References:
         """Smoothed positions, speeds and accelerations, shapes (m, n)."""
         smooth: Any = import_module("scipy.signal").savgol_filter
         t, h = self.run.t, 1.0 / self.run.rate
-        columns: list[Vector] = []
-        for column in self.run.signals["q"].T:
-            finite: Rows = np.asarray(np.isfinite(column))
-            bridged: Vector = np.zeros_like(t)
-            if finite.any():
-                bridged = np.asarray(np.interp(t, t[finite], column[finite]), dtype=float)
-            columns.append(bridged)
-        q = np.column_stack(columns)
+        q = np.column_stack([bridged(column, t) for column in self.run.signals["q"].T])
         window = max(5, 2 * round(0.5 * _SMOOTH / h) + 1)
         if len(q) <= window:
             return q, np.zeros_like(q), np.zeros_like(q)

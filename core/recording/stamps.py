@@ -44,10 +44,11 @@ def rows_in_order(t: Vector, file: str) -> tuple[Rows, list[LeftOut]]:
         line = int(rows[at + 1]) + 2
         raise RunFileError((Problem(message, file=file, line=line, column="t", value=repr(float(t[rows[at + 1]]))),))
     start = float(t[rows[0]])
-    left_out = [
-        LeftOut("t", "not a number", float(first), float(last), count, f"{count} rows have no time; they are left out")
-        for first, last, count in _spans(~stamped, _filled(t) - start)
-    ]
+    left_out: list[LeftOut] = []
+    if not stamped.all():
+        lost = (_filled(t) - start)[~stamped]
+        message = f"{len(lost)} rows have no time; they are left out"
+        left_out.append(LeftOut("t", "not a number", float(lost.min()), float(lost.max()), len(lost), message))
     keep = stamped.copy()
     same = rows[1:][steps == 0.0]
     keep[same] = False
@@ -129,13 +130,8 @@ def spans_of(bad: Rows) -> list[tuple[int, int]]:
     return list(zip(np.flatnonzero(edges == 1).tolist(), (np.flatnonzero(edges == -1) - 1).tolist(), strict=True))
 
 
-def _spans(bad: Rows, t: Vector) -> list[tuple[float, float, int]]:
-    if not bad.any():
-        return []
-    return [(t[bad].min(), t[bad].max(), int(bad.sum()))]
-
-
 def _filled(t: Vector) -> Vector:
+    """Times (m,) with those that are missing on straight lines between the others."""
     known = np.isfinite(t)
     return np.interp(np.arange(len(t)), np.flatnonzero(known), t[known])
 
