@@ -44,7 +44,7 @@ from .problem import Problem, problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search, without_bodies
-from .unseen import EARNS, NOTHING, Split, Unseen, in_parts, judged, splits
+from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits
 from .where import where
 from .words import variable_in_words
 
@@ -59,6 +59,7 @@ EXACT = 0.01
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 UNREAL = "needs a body that cannot exist"
 GONE = "no gain on held-out data"
+CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
@@ -133,7 +134,7 @@ class _Held:
         found: Findings.
         unseen: What they are worth there.
         dropped: Those that do not hold.
-        failed: Effects and places of those whose evidence does not hold.
+        failed: Effects and places of those whose evidence does not hold, or whose body cannot be.
         how_far: How far the gap shrinks there.
         overlays: Its curves.
         after: The gap that is left; None where nothing was found.
@@ -247,7 +248,7 @@ class _Diagnosing:
             dropped = (*dropped, Rejected(wild.effect, wild.place, WILD))
             found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not wild], ways)
             dropped = (*dropped, *more)
-        failed = {(item.effect, item.at) for item in dropped if item.why == GONE}
+        failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(ready, ways, found, unseen)
         while (idle := _idle(found, unseen.gains, how_far)) is not None:
             dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
@@ -335,12 +336,17 @@ class _Diagnosing:
                 continue
             worst = min(range(len(kept)), key=lambda k: unseen.gains[k])
             if unseen.gains[worst] >= EARNS:
-                return kept, unseen, tuple(dropped)
+                worst = min(range(len(kept)), key=lambda k: unseen.shares[k])
+                if unseen.shares[worst] >= OTHER_FORM:
+                    return kept, unseen, tuple(dropped)
+                item = kept.pop(worst)
+                dropped.append(Rejected(item.effect, item.place, CRUMB))
+                continue
             item = kept.pop(worst)
             still = unseen.moves[worst] < NOTHING
             why = "not excited by the held-out runs" if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
-        return [], Unseen((), (), tuple(() for _ in ways)), tuple(dropped)
+        return [], Unseen((), (), (), tuple(() for _ in ways)), tuple(dropped)
 
     def _alike(self, state: Search, found: Sequence[Found], fit: Refined, item: Found) -> tuple[Alike, ...]:
         self.tell(f"what looks like {item.effect} at {item.place}")

@@ -251,7 +251,11 @@ def _found(contender: Contender, rows: Rows) -> Found:
     hypothesis = contender.hypothesis
     nothing = hypothesis.rows(np.zeros(len(hypothesis.scale))) if hypothesis.alone else None
     absent = nothing[hypothesis.effect][0] if nothing else None
-    return Found(*hypothesis.key, rows[hypothesis.effect][0], contender.gain, absent)
+    row = rows[hypothesis.effect][0]
+    if absent and any(math.isfinite(value) > math.isfinite(absent.values[name]) for name, value in row.values.items()):
+        # what is rigid without it has no finite number there
+        absent = None
+    return Found(*hypothesis.key, row, contender.gain, absent)
 
 
 def contenders(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]] = ()) -> list[Contender]:

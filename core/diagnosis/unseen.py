@@ -25,6 +25,8 @@ PARTS, SHORTEST_PART = 3, 1.0
 MOST_FOLDS = 4
 # log evidence that a finding must earn where it was not fitted
 EARNS = 3.0
+# what a law of another form than the real one leaves of a signal's gap: less of it is no second cause
+OTHER_FORM = 0.05
 # a change of what is said, in standard deviations of everything together, that counts as nothing
 NOTHING = 3.0
 
@@ -44,11 +46,13 @@ class Unseen:
     Attributes:
         gains: Log evidence that each finding earns there, beside the others.
         moves: By how many standard deviations each changes what is said there.
+        shares: What part of a channel's gap each takes away there, of the channel of which it takes most.
         rows: For each split, the rows that were fitted without its unseen runs.
     """
 
     gains: tuple[float, ...]
     moves: tuple[float, ...]
+    shares: tuple[float, ...]
     rows: tuple[tuple[EffectRow, ...], ...]
 
 
@@ -89,6 +93,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     """
     gains = np.zeros(len(found))
     moves = np.zeros(len(found))
+    shares = np.zeros(len(found))
     rows: list[tuple[EffectRow, ...]] = []
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
@@ -97,6 +102,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         whole = [replace(item, row=fit.rows[item.key]) for item in found]
         left = unseen.left(whole)
         sigma = spread(left, unseen.parts)
+        nothing = unseen.left([])
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
             moves[k] += float(np.sum(((unseen.left(others) - left) / sigma) ** 2))
@@ -108,7 +114,19 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 others = [replace(other, row=refit[other.key]) for other in others]
             rest = unseen.left(others)
             gains[k] += 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2))
-    return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(rows))
+            shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
+    return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
+
+
+def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:
+    """The largest part of a channel's gap, noise taken off, that goes from what the others leave to what all leave."""
+    taken = 0.0
+    for begin, end in sorted({(part.begin, part.end) for part in parts}):
+        gap = max(float(np.sum(nothing[begin:end] ** 2)), float(np.sum(rest[begin:end] ** 2))) - (end - begin)
+        less = float(np.sum(rest[begin:end] ** 2) - np.sum(left[begin:end] ** 2))
+        if less > 2.0 * EARNS and gap > 0.0:
+            taken = max(taken, less / gap)
+    return taken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
