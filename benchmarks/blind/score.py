@@ -2,8 +2,9 @@
 
     python benchmarks/blind/score.py BANK/tune OUT [OUT...] [--quick]
 
-Each OUT is as diagnose.py or head_to_head.py wrote it, and is a column of the table. Adds to the first OUT: score.md,
-score.json, and cases.md with a line a case. What can be told apart is apart.py's to say, and looked up beside the
+Each OUT is as diagnose.py or head_to_head.py wrote it, and is a column of the table. Adds to the first OUT: score.md
+with the figures and how reliable its probabilities are, score.json with the same and every finding beside its
+probability, and cases.md with a line a case. What can be told apart is apart.py's to say, and looked up beside the
 truth; --quick leaves out what is not there yet, and the true shrinkage. A case that was tried and gave no diagnosis
 counts as wrong.
 """
@@ -11,11 +12,12 @@ counts as wrong.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import statistics
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 NAMELESS = {"verdict": "none", "which": [], "how_far": {}}
@@ -23,6 +25,10 @@ NAMELESS = {"verdict": "none", "which": [], "how_far": {}}
 CLOSE = 0.05
 NOISE_FLOOR = 1.2
 SECONDS = 60.0
+SMALL_SET = 2
+SIX_JOINTS = ("imece2013", "puma560")
+# edges of the bins in which probabilities are held against how often they are right
+BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 
 
 def wilson(right: int, count: int, z: float = 1.96) -> tuple[float, float]:
@@ -33,6 +39,17 @@ def wilson(right: int, count: int, z: float = 1.96) -> tuple[float, float]:
     middle = (p + z * z / (2 * count)) / (1 + z * z / count)
     half = z / (1 + z * z / count) * math.sqrt(p * (1 - p) / count + z * z / (4 * count * count))
     return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def difference(some: list[bool], others: list[bool]) -> str:
+    """Share of others less share of some in points, with its interval (Newcombe 1998, out of Wilson's)."""
+    if not some or not others:
+        return "no case"
+    p, q = (sum(answers) / len(answers) for answers in (some, others))
+    (low_p, high_p), (low_q, high_q) = (wilson(sum(answers), len(answers)) for answers in (some, others))
+    low = q - p - math.hypot(q - low_q, high_p - p)
+    high = q - p + math.hypot(high_q - q, p - low_p)
+    return f"{100 * (q - p):+.1f} points [{100 * low:+.1f}, {100 * high:+.1f}] ({len(others)} against {len(some)})"
 
 
 Name = tuple[str, str]
@@ -79,6 +96,10 @@ class Case:
     @property
     def white(self) -> bool:
         return self.truth["sensors"]["colour"] == 0.0
+
+    @property
+    def torque(self) -> bool:
+        return "tau" in self.truth["sensors"]["channels"]
 
     @property
     def classes(self) -> list[set[Name]]:
@@ -205,10 +226,13 @@ def figures(cases: list[Case]) -> list[Figure]:
     catalogued = [*seen, *several]
     foreign = of("outside")
     distinct_foreign = [c for c in foreign if c.alike is None or c.distinct]
-    named = [(case, finding) for case in of("single", "positions", "pair", "triple") for finding in case.said["which"]]
+    # as positions alone are recorded, but for the torque
+    beside = [c for c in plain if c.torque and c.truth["control"]["mode"] == "pd"]
+    sets = [names for c in seen for names in c.sets]
     over_floor = [size for c in catalogued if c.exact_as_far and (size := c.over_floor) is not None]
     truly = [(c, c.shrinks[0]) for c in cases if c.shrinks is not None]
-    off = [abs(said - true) for c, true in truly if (said := c.claimed) is not None]
+    # who names nothing claims nothing
+    off = [abs(said - true) for c, true in truly if c.named and (said := c.claimed) is not None]
     worse = [true < 0.0 for c, true in truly if c.claimed is not None and c.named]
 
     def named_right(cases: list[Case]) -> list[bool]:
@@ -241,9 +265,13 @@ def figures(cases: list[Case]) -> list[Figure]:
         Figure(
             "positions alone: effect and place right, where it is like no other", "5 points less", named_right(bare)
         ),
+        Figure("... the same with torque, mode pd", "", named_right(beside)),
+        Figure("... less that with torque", "-5 points", text=difference(named_right(beside), named_right(bare))),
         Figure("positions alone: by its name or one that shows the same, all", "", [c.exact_as_far for c in bare]),
-        Figure("single effect: truth in the reported set", "99 %", [c.in_sets for c in seen]),
-        Figure("size of reported sets", "median 2", text=middle((len(s) for c in seen for s in c.sets), 0)),
+        Figure("single effect: truth in the reported set", "99 %", [c.in_sets for c in plain]),
+        Figure("positions alone: truth in the reported set", "", [c.in_sets for c in bare]),
+        Figure("size of reported sets", "median 2", text=middle((len(names) for names in sets), 0)),
+        Figure("... sets of two names or one", "", [len(names) <= SMALL_SET for names in sets]),
         Figure("called unexplained or partly, wrongly", "5 %", [c.open for c in catalogued]),
         Figure("... of the catalogue's own laws", "", [c.open for c in catalogued if c.lawful]),
         Figure("called no_gap, wrongly", "", [c.said["verdict"] == "no_gap" for c in catalogued]),
@@ -258,8 +286,9 @@ def figures(cases: list[Case]) -> list[Figure]:
         Figure("barely visible: a wrong name", "2 %", [any(not c.right(n) for n in c.named) for c in weak]),
         Figure("barely visible: named right", "", [c.exact_as_far for c in weak]),
         Figure("pairs: exact, by names or such as show the same", "80 %", [c.exact_as_far for c in of("pair")]),
-        Figure("triples: exact", "", [c.exact_as_far for c in of("triple")]),
-        Figure("pairs and triples: findings that are right", "95 %", [c.right(n) for c in several for n in c.named]),
+        Figure("pairs: findings that are right", "95 %", [c.right(n) for c in of("pair") for n in c.named]),
+        Figure("triples: exact, by names or such as show the same", "", [c.exact_as_far for c in of("triple")]),
+        Figure("triples: findings that are right", "", [c.right(n) for c in of("triple") for n in c.named]),
         Figure(
             "pairs and triples: true effects in a set",
             "",
@@ -289,18 +318,66 @@ def figures(cases: list[Case]) -> list[Figure]:
         Figure("made worse, truly, by what was found", "", worse),
         Figure("numerical suspects named as physics", "0", [bool(c.named) for c in of("numerical")]),
         Figure("took 60 s or less", "all", [c.seconds <= SECONDS for c in cases]),
+        Figure(
+            "... of robots with six joints",
+            "all",
+            [c.seconds <= SECONDS for c in cases if c.truth["robot"] in SIX_JOINTS],
+        ),
         Figure("seconds a case", "", text=middle((c.seconds for c in cases), 1)),
         Figure("tried and gave no diagnosis", "0", [c.said["verdict"] == "none" for c in cases]),
     ]
-    for low in (0.0, 0.5, 0.8, 0.9, 0.97):
-        high = {0.0: 0.5, 0.5: 0.8, 0.8: 0.9, 0.9: 0.97, 0.97: 1.01}[low]
-        hits = [
-            any(case.right(name) for name in case.sets[case.said["which"].index(finding)])
-            for case, finding in named
-            if low <= (finding.get("probability") or 0.0) < high
-        ]
-        out.append(Figure(f"findings of probability {low!r} to {min(high, 1.0)!r} that are right", "", hits))
     return out
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A finding beside the truth.
+
+    Attributes:
+        case, group: Where it was said.
+        name: Its effect and place.
+        probability: What the diagnosis gave it.
+        right: Whether its name, or one that it says cannot be told from it, is a true effect's.
+    """
+
+    case: str
+    group: str
+    name: Name
+    probability: float
+    right: bool
+
+
+def claims(cases: list[Case]) -> list[Claim]:
+    """Every finding that has a probability."""
+    return [
+        Claim(case.name, case.group, name, finding["probability"], any(case.right(one) for one in names))
+        for case in cases
+        for finding, name, names in zip(case.said["which"], case.named, case.sets, strict=True)
+        if finding.get("probability") is not None
+    ]
+
+
+def reliability(found: list[Claim]) -> list[list[str]]:
+    """Rows of a table: probabilities of a bin, their mean, and how many of the findings are right.
+
+    Apart: robots with a true effect of the catalogue, and all, where every name on one that has none is wrong.
+    """
+    known = [one for one in found if one.group in ("single", "positions", "pair", "triple")]
+    rows = []
+    for low, high in itertools.pairwise(BINS):
+        row = [f"{low!r} to {high!r}"]
+        for some in (known, found):
+            chosen = [one for one in some if low <= one.probability < high or one.probability == high == BINS[-1]]
+            mean = f"{statistics.fmean(one.probability for one in chosen):.3f}" if chosen else ""
+            row += [mean, Figure("", "", [one.right for one in chosen]).shown()]
+        rows.append(row)
+    # mean square of probability less truth
+    brier = [
+        f"{statistics.fmean((one.probability - one.right) ** 2 for one in some):.4f}" if some else ""
+        for some in (known, found)
+    ]
+    rows.append(["Brier score", brier[0], "", brier[1], ""])
+    return rows
 
 
 def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
@@ -376,10 +453,15 @@ def main() -> None:
         if any(f.shown() != "no case" for f in same):
             rows.append([figure.name, figure.goal, *(f.shown() for f in same)])
     heads = ["figure", "goal", *(f"{name} ({len(cases)} cases)" for name, cases, _ in columns)]
-    text = markdown(heads, rows)
     first = options.out[0]
+    found = claims(columns[0][1])
+    bins = ["probability", "mean, an effect of the catalogue", "right", "mean, all cases", "right"]
+    text = f"{markdown(heads, rows)}\n{markdown(bins, reliability(found))}"
     (first / "score.md").write_text(text)
-    data = {name: {f.name: f.data() for f in table} for name, _, table in columns}
+    data = {
+        "figures": {name: {f.name: f.data() for f in table} for name, _, table in columns},
+        "findings": [asdict(one) for one in found],
+    }
     (first / "score.json").write_text(json.dumps(data, indent=1) + "\n")
     names = [
         "case", "class", "robot", "mode", "strength", "truth", "shows the same", "named", "verdict",
