@@ -150,7 +150,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
         nominals: Robot of each run before anything is found.
     """
     ready = tuple(prepared(run) for run in runs)
-    creeps = tuple(_creep(run) for run in ready)
+    creeps = tuple(creep_of(run) for run in ready)
     masks: list[dict[str, Vector]] = []
     channels: list[Channel] = []
     weights: list[Vector] = []
@@ -175,8 +175,8 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     )
 
 
-def _creep(run: Prepared) -> Vector:
-    """Speed of a joint below which it stands."""
+def creep_of(run: Prepared) -> Vector:
+    """Speed of every joint below which it stands, shape (n,) [rad/s or m/s]."""
     fastest = np.abs(run.dq).max(axis=0)
     noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.band * np.sqrt(2.0 * run.band / run.run.rate)
     return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
@@ -195,6 +195,9 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
     near = _widened(stands | turns, 0.5 * period) | _widened(rests, period)
     # a joint that stands all the time still shows its load
     unsure = near & (stands.mean(axis=0) < 0.7)
+    for joint in run.run.locked:
+        # behind a clamped output it creeps from rest to rest, and shows its load on the way alone
+        unsure[:, joint - 1] = (stands | turns)[:, joint - 1]
     # what is bridged is smeared by the smoothing as far as it reaches
     bridged = {name: _widened(hole, run.edge) for name, hole in run.missing.items()}
     for name, series in values.items():

@@ -118,9 +118,12 @@ def how_far(
         without[names[k]] = _Shrunk(runs, noises, steps[0], one).by()
     engines: dict[str, float | None] = {}
     refused: dict[str, str] = {}
-    if backend in backends or not backends:
+    if any(run.locked for run in runs):
+        # held against inverse dynamics along their motion
+        refused = dict.fromkeys(backends or (backend,), "no engine holds the joints that are clamped in these runs")
+    elif backend in backends or not backends:
         engines[backend] = total.by()
-    for engine in (engine for engine in backends if engine != backend):
+    for engine in (engine for engine in backends if engine != backend and engine not in refused):
         try:
             before, after = simulated([], engine), simulated(whole, engine)
         except MbexportError as error:

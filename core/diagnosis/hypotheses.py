@@ -31,6 +31,7 @@ CYCLES = 3
 # delays are looked for up to this one [s]
 LONGEST_DELAY = 0.01
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
+_GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,11 +138,20 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
     """Everything that could be there beside these rows, in amounts of these scales, but for what to skip."""
     found: list[Hypothesis] = []
     n = problem.database.n
+    # a motor moves before a clamped output only where something gives; nothing else can be judged before that is there
+    stiff = [
+        at
+        for at in range(1, n + 1)
+        if _clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in _GIVING)
+    ]
     for name in catalogue():
         effect = effect_named(name)
         places = (0,) if effect.key == "robot" else range(1, n + 1)
         for at in places:
             if (name, at) in skip or not _possible(problem, name, at):
+                continue
+            if effect.key == "joint" and at in stiff:
+                found += _giving(scales, name, at)
                 continue
             existing = problem.row_at(name, at, rows)
             known = dict(existing.values) if existing else None
@@ -368,9 +378,32 @@ def _bend(problem: Problem, scales: Scales, name: str, at: int, known: Values | 
     return [Hypothesis(name, at, "", values, np.array([5.0 * give] * 2), np.zeros(2), curved=True)]
 
 
+def _giving(scales: Scales, name: str, at: int) -> list[Hypothesis]:
+    """What gives before a clamped output: a spring, or clearance before one; linear in the stiffness."""
+    way = scales.way[at - 1]
+    stiffness = {"stiffness": scales.torque[at - 1] / way}
+    if name == "joint_compliance":
+        return [_added(name, at, None, stiffness, form="clamped")]
+    if name == "backlash":
+        contact = {"stiffness": 0.0, "damping": 0.0}
+        return [
+            _added(name, at, None, stiffness, form=f"clamped {part:g}", fixed=contact | {"gap": part * way})
+            for part in (0.2, 0.4, 0.6, 0.8)
+        ]
+    return []
+
+
+def _clamped(problem: Problem, at: int) -> bool:
+    """Whether a joint's arm is held in every run."""
+    return all(at in run.run.locked for run in problem.evidence.runs)
+
+
 def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
     start = known or _defaults(name)
     size = 2e-3 if _revolute(problem, at) else 2e-3 * scales.length
+    if _clamped(problem, at):
+        # of the motor's way there
+        size = 0.2 * float(scales.way[at - 1])
     forms: list[Hypothesis] = []
     for part in (0.3, 1.0, 3.0):
 

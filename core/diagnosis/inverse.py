@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import import_module
@@ -26,6 +26,8 @@ Vector = NDArray[np.float64]
 
 # a gear's contact whose resonance lies so far above what is compared is rigid there
 STIFF = 3.0
+# of its largest torque, a motor with less bears little
+LIGHT = 0.1
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
@@ -84,6 +86,8 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
     # twice where something pulls on the arms: friction under load must know what the drive passes on
     along_drives = _compiled("drives_along")
     along_drives(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, moved.load, friction, on_arm)
+    # what pulls on a clamped arm is the clamp's to bear
+    on_arm[:, [driven[joint - 1] for joint in run.run.locked]] = 0.0
     passed = moved.load - on_arm
     if drives.needs_load and np.any(on_arm):
         drives.reset(_at(run.t[0], theta[0], dtheta[0]))
@@ -171,8 +175,12 @@ def _moved(robot: Robot, run: Prepared) -> _Moved:
         moving = np.abs(dtheta) > 1e-9
         slope = np.divide(rate, dtheta, out=slope, where=moving)
     arms = dynamics(full, always_compiled=True)
-    q, dq, ddq = _arms(full, arms, run, turned, dturned, ddturned)
+    clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
+    q, dq, ddq = _arms(full, arms, run, clamped, *_stopped(clamped, turned, dturned, ddturned))
     load = arms.inverse_dynamics(q, dq, ddq)
+    for i in clamped:
+        # what the arm weighs is the clamp's too; its drive has what the spring is wound up by
+        load[:, i] = _wound(full.stages[i].drive, turned[:, i] - q[:, i], dturned[:, i])
     tool = np.zeros((len(q), 3))
     if "ee" in run.measured:
         _compiled("points_along")(arms.table, np.array(full.tool_in_last_joint().xyz), q, tool)
@@ -208,10 +216,63 @@ def _errors(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector) -> Vecto
     return error
 
 
-def _arms(
-    robot: Robot, arms: Dynamics, run: Prepared, theta: Vector, dtheta: Vector, ddtheta: Vector
+@lru_cache(maxsize=64)
+def clamped_at(run: Prepared, joint: int) -> float:
+    """Where a clamped joint's arm stands, as its motor would report it [rad or m].
+
+    By the second encoder, else in the middle of where the motor is while it bears little, on ways there and back alike:
+    friction keeps it before the middle on the one and beyond it on the other.
+
+    Args:
+        run: In which it is clamped.
+        joint: From 1.
+    """
+    i = joint - 1
+    if "q_link" in run.measured and not run.missing["q_link"][:, i].all():
+        return float(np.mean(run.measured["q_link"][~run.missing["q_link"][:, i], i]))
+    q, dq = run.q[:, i], run.dq[:, i]
+    torque = run.measured.get("tau", run.measured.get("tau_link"))
+    light = np.ones(len(q), dtype=bool)
+    if torque is not None:
+        light = np.abs(torque[:, i]) <= LIGHT * np.abs(torque[:, i]).max()
+    ways = [q[light & side] for side in (dq > 0.0, dq < 0.0)]
+    return float(np.mean([np.mean(way) for way in ways if len(way)] or [0.5 * (q.min() + q.max())]))
+
+
+def _stopped(
+    clamped: Mapping[int, float], theta: Vector, dtheta: Vector, ddtheta: Vector
 ) -> tuple[Vector, Vector, Vector]:
-    """Where the arms are: with the motor sides, or behind their springs."""
+    """A motion (m, n) with clamped joints where they are held."""
+    if not clamped:
+        return theta, dtheta, ddtheta
+    theta, dtheta, ddtheta = theta.copy(), dtheta.copy(), ddtheta.copy()
+    for i, place in clamped.items():
+        theta[:, i] = place
+        dtheta[:, i] = ddtheta[:, i] = 0.0
+    return theta, dtheta, ddtheta
+
+
+def _wound(drive: Drive, stretch: Vector, rate: Vector) -> Vector:
+    """What a drive's spring passes to a clamped arm, shape (m,); without one nothing, for it would not move."""
+    spring = drive.spring
+    if spring is None:
+        return np.zeros_like(stretch)
+    beyond = np.maximum(np.abs(stretch) - 0.5 * spring.gap, 0.0)
+    push = spring.stiffness * beyond * np.sign(stretch) + spring.damping * rate * (beyond > 0.0)
+    # across a clearance the damper never pulls
+    return push if spring.gap == 0.0 else np.where(push * stretch > 0.0, push, 0.0)
+
+
+def _arms(
+    robot: Robot,
+    arms: Dynamics,
+    run: Prepared,
+    clamped: Mapping[int, float],
+    theta: Vector,
+    dtheta: Vector,
+    ddtheta: Vector,
+) -> tuple[Vector, Vector, Vector]:
+    """Where the arms are: with the motor sides, or behind their springs; the clamped ones stay."""
     springs = [stage.drive.spring for stage in robot.stages]
     if not any(springs):
         return theta, dtheta, ddtheta
@@ -219,6 +280,7 @@ def _arms(
     soft = np.array(
         [_gives(stage.drive, float(inertia), run.band) for stage, inertia in zip(robot.stages, own, strict=True)]
     )
+    soft[list(clamped)] = False
     if not soft.any():
         return theta, dtheta, ddtheta
     stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])

@@ -18,7 +18,7 @@ from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .model import robot_of
 from .prepare import noise_in, prepared
-from .resimulate import WINDOW, settled, smoothed
+from .resimulate import WINDOW, mode_of, settled, smoothed
 
 Vector = NDArray[np.float64]
 
@@ -99,7 +99,7 @@ def _participation(changes: Vector) -> float:
 
 def _sensor(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:
     """Standard deviation and effective number of samples of what sensors add to each channel of a run."""
-    mode = run.control.mode
+    mode = mode_of(run)
     if mode == "unknown":
         return _through_inverse_dynamics(robot, run)
     sigma: dict[str, Vector] = {}
@@ -291,7 +291,7 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
     turn = np.array([_small_turn(other[:, :3, :3] @ np.swapaxes(tool[:, :3, :3], -1, -2)) for other in tools])
     way, rate = np.zeros_like(torque), np.zeros_like(torque)
     reported = torque
-    mode = run.control.mode
+    mode = mode_of(run)
     if mode in ("pd", "torque"):
         kp, kd = (
             np.array(gains) if mode == "pd" and gains else np.zeros(run.n) for gains in (run.control.kp, run.control.kd)

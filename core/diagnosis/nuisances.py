@@ -16,6 +16,7 @@ from ..build import assembled
 from ..database import Database, Tolerance
 from ..effects import EffectRow
 from .evidence import coefficients
+from .inverse import LIGHT
 from .problem import Problem, Rows
 
 Vector = NDArray[np.float64]
@@ -71,7 +72,7 @@ def whitening(problem: Problem) -> Whitening:
     for name, rows in _rotors(problem):
         names.append(name)
         columns.append(problem.residual(rows) - base)
-    for name, column in _shifts(problem):
+    for name, column in (*_shifts(problem), *_clamps(problem)):
         names.append(name)
         columns.append(column)
     return _whitening(tuple(names), np.column_stack(columns) if columns else np.zeros((len(base), 0)))
@@ -181,3 +182,18 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
         column = evidence.weighed(parts)
         if np.any(column):
             yield _NAMES.get(signal, f"stamps of {signal}"), column
+
+
+def _clamps(problem: Problem) -> Iterator[tuple[str, Vector]]:
+    """Where in a run a clamped arm stands: known as well as the motor's torque tells that it bears nothing."""
+    evidence = problem.evidence
+    for number, run in enumerate(evidence.runs):
+        for joint in (joint for joint in run.run.locked if "tau" in run.measured):
+            parts: list[dict[str, list[Vector]]] = []
+            for other, mask in zip(evidence.runs, evidence.masks, strict=True):
+                change = {name: np.zeros(values.shape) for name, values in mask.items()}
+                if other is run:
+                    torque = run.measured["tau"][:, joint - 1]
+                    change["tau"][:, joint - 1] = LIGHT * float(np.abs(torque).max())
+                parts.append(coefficients(other, change, mask))
+            yield f"place of the clamp of joint_{joint} in run {number + 1}", evidence.weighed(parts)

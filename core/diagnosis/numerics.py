@@ -15,7 +15,7 @@ from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise
-from .resimulate import linear, residuals, resimulated
+from .resimulate import linear, mode_of, residuals, resimulated
 
 Vector = NDArray[np.float64]
 
@@ -58,6 +58,9 @@ def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noi
     """
     engine = backend_named(backend) if isinstance(backend, str) else backend
     step = step_of(robot, run, engine)
+    if run.locked:
+        held = " and ".join(f"joint_{joint}" for joint in run.locked)
+        return Numerics(step, {}, {}, (f"In {run.name} {held} is clamped: torques are compared along its motion.",))
     base = resimulated(robot, nominal, run, backend)
     step_error = _apart(base, resimulated(robot, nominal, run, engine, step=0.5 * step))
     hold_error: dict[str, Vector] = {}
@@ -92,7 +95,7 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
     A delay of the drives is another thing: there the torque is late against the controller, while position, torque
     and tool were recorded at one instant, so that their shifts differ.
     """
-    if run.control.mode in ("torque", "unknown"):
+    if mode_of(run) in ("torque", "unknown"):
         # their simulation begins from what was measured
         return 0.0
     left, sigma = residuals(run, simulated), noise.sigma

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 # numbers that only a form of the effect has, or that no run shows
-_HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("stiffness", "damping")}
+_HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("damping",)}
 # numbers that say how an effect goes, not how much of it there is
 _SHAPES = ("phase", "cycles", "velocity", "rest", "slips")
 _EVALUATIONS = 25

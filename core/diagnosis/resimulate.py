@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control import Control
+from ..errors import RefusedError
 from ..expansion import expanded
 from ..kinematics import dynamics
 from ..motion import MotionLaw, from_table, hold
@@ -21,6 +22,8 @@ from ..recording.run import MEASURED
 from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, simulate
 from ..simulation.settle import sagged
+from .evidence import creep_of
+from .inverse import said
 from .prepare import Prepared, noise_in, prepared
 
 Vector = NDArray[np.float64]
@@ -38,7 +41,7 @@ BEGINNING, FEWEST = 0.02, 8
 # what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
 PLAIN, FAST = 8.0, 0.02
 # a filter that was begun on a moving robot is let settle so many of its edges long
-SETTLED = 3
+SETTLED = 2
 # finer ticks where a delay is not a whole number of them
 FINER = 4
 
@@ -63,7 +66,8 @@ def resimulated(
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
     in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the
-    measured positions behind a zero-phase filter.
+    measured positions behind a zero-phase filter. Clamped joints, which no engine holds: inverse dynamics along the
+    measured motion.
 
     Args:
         robot: With all that it is thought to have.
@@ -78,15 +82,32 @@ def resimulated(
     Raises:
         RefusedError: The backend refuses this robot or this run.
     """
-    mode = run.control.mode
+    mode = mode_of(run)
     if mode == "torque":
         return _in_windows(robot, run, backend, step)
     if mode == "unknown":
         grid = smoothed(run)
+        if run.locked:
+            speech = said(robot, grid, nominal, creep_of(grid))
+            names = (name for name in ("tau", "tau_link") if run.has(name))
+            return {name: _between(grid.t, getattr(speech, name), run.t) for name in names}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
         return _simulated(robot, nominal, run, backend, law, control, None, step)
     start = start_of(robot, run) if mode == "pd" else None
     return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
+
+
+def mode_of(run: Run) -> str:
+    """How a run is held against a model: as its control says, and along its motion where joints are clamped.
+
+    Raises:
+        RefusedError: Joints are clamped, and no torque was measured.
+    """
+    if not run.locked:
+        return run.control.mode
+    if not (run.has("tau") or run.has("tau_link")):
+        raise RefusedError(f"{run.name}: with joints clamped only torques can be compared, and it has none measured.")
+    return "unknown"
 
 
 def compared(run: Run) -> dict[str, Vector]:
@@ -94,7 +115,7 @@ def compared(run: Run) -> dict[str, Vector]:
 
     In mode unknown that is torque alone, behind the filter that the motion was smoothed with.
     """
-    if run.control.mode != "unknown":
+    if mode_of(run) != "unknown":
         return {name: run.signals[name] for name in MEASURED if run.has(name)}
     grid = smoothed(run)
     found: dict[str, Vector] = {}
@@ -104,6 +125,11 @@ def compared(run: Run) -> dict[str, Vector]:
         if run.has(name):
             values = _between(grid.t, grid.measured[name], run.t)
             found[name] = np.where(np.isfinite(run.signals[name]) & inside[:, None], values, np.nan)
+    if run.locked and "tau" in found:
+        # while the motor before a clamped output stands, friction takes whatever there is to take
+        stands = linear(grid.t, (np.abs(grid.dq) < creep_of(grid)).astype(float), run.t) > 0.0
+        for joint in run.locked:
+            found["tau"][stands[:, joint - 1], joint - 1] = np.nan
     return found
 
 

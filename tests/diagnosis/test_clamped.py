@@ -1,0 +1,110 @@
+"""Joints whose arm is clamped: what the motor feels of spring, play and friction, out of plain formulas."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pendulums import pendulum_run
+
+from mbexport.core.control import Control
+from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.evidence import creep_of
+from mbexport.core.diagnosis.inverse import clamped_at, said
+from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.noise import noise_floor
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.prepare import prepared
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.resimulate import compared, resimulated
+from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.effects import EffectRow
+from mbexport.core.errors import RefusedError
+
+DATABASE = load("pendulum")
+STIFFNESS, DRY, PLAY = 400.0, 1.5, 0.02
+CLAMPED = 0.3
+
+
+def spring(stretch, gap):
+    return STIFFNESS * np.sign(stretch) * np.maximum(np.abs(stretch) - 0.5 * gap, 0.0)
+
+
+def clamped_run(gap=0.0, seed=0, rate=100.0, duration=4.0, **signals):
+    """A motor wound up and back, twice a run, before an arm that stands at CLAMPED."""
+    t = np.arange(round(rate * duration)) / rate
+    turns = 2.0 * np.pi / duration * (2.0 + 0.1 * seed)
+    q = CLAMPED + 0.03 * np.sin(turns * t) + 0.002 * np.sin(7.0 * t)
+    dq = 0.03 * turns * np.cos(turns * t) + 0.014 * np.cos(7.0 * t)
+    tau = spring(q - CLAMPED, gap) + DRY * np.tanh(dq / 1e-4)
+    random = np.random.default_rng(seed)
+    noisy = {"q": q + 1e-6 * random.normal(size=len(t)), "tau": tau + 0.02 * random.normal(size=len(t))}
+    return replace(
+        pendulum_run(duration=0.1),
+        name=f"clamped-{seed}",
+        t=t,
+        signals={name: values[:, None] for name, values in noisy.items()} | signals,
+        control=Control("unknown"),
+        noise={"q": np.array([1e-6]), "tau": np.array([0.02])},
+        locked=(1,),
+    )
+
+
+def robot(run, **rows):
+    return robot_of(DATABASE, "rigid", run, {name: (EffectRow(1, FrozenMap(values)),) for name, values in rows.items()})
+
+
+def spoken(run, **rows):
+    grid = prepared(run)
+    return grid, said(robot(run, **rows), grid, robot(run), creep_of(grid))
+
+
+def test_a_rigid_motor_bears_neither_the_arms_weight_nor_its_inertia():
+    _, speech = spoken(clamped_run())
+    assert np.abs(speech.tau).max() == 0.0
+
+
+def test_the_arm_stands_in_the_middle_of_what_the_motor_does_without_a_load():
+    assert clamped_at(prepared(clamped_run()), 1) == pytest.approx(CLAMPED, abs=1e-3)
+    # a second encoder knows better
+    told = clamped_run(q_link=np.full((400, 1), 0.31))
+    assert clamped_at(prepared(told), 1) == pytest.approx(0.31, abs=1e-9)
+
+
+@pytest.mark.parametrize("gap", [0.0, PLAY])
+def test_a_spring_and_its_clearance_are_felt_as_they_should_be(gap):
+    run = clamped_run(gap)
+    row = {"stiffness": STIFFNESS, "damping": 0.0}
+    grid, speech = spoken(run, backlash={"gap": gap} | row) if gap else spoken(run, joint_compliance=row)
+    expected = spring(grid.q - clamped_at(grid, 1), gap)
+    assert np.abs(speech.tau - expected).max() < 1e-9
+    assert np.ptp(speech.q_link) == 0.0
+
+
+def test_what_a_clamped_robot_says_is_left_out_while_its_motor_stands():
+    run = clamped_run()
+    measured = compared(run)["tau"]
+    still = np.abs(np.gradient(run.signals["q"][:, 0], run.t)) < 1e-4
+    assert np.isnan(measured[still]).all()
+    assert np.isfinite(measured).mean() > 0.7
+    assert set(resimulated(robot(run), robot(run), run, "mjcf")) == {"tau"}
+
+
+def test_without_a_torque_nothing_can_be_compared():
+    run = clamped_run()
+    with pytest.raises(RefusedError, match="torques"):
+        noise_floor(DATABASE, "rigid", replace(run, signals={"q": run.signals["q"]}))
+
+
+@pytest.mark.parametrize(("gap", "giving"), [(0.0, "joint_compliance"), (PLAY, "backlash")])
+def test_stiffness_play_and_friction_are_found(gap, giving):
+    asked = problem(DATABASE, "rigid", [clamped_run(gap, seed) for seed in (1, 2)])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    found = {item.effect: item.row.values for item in search(state).found}
+    assert set(found) == {giving, "coulomb_friction"}
+    assert found[giving]["stiffness"] == pytest.approx(STIFFNESS, rel=0.03)
+    assert found["coulomb_friction"]["torque"] == pytest.approx(DRY, rel=0.05)
+    if gap:
+        assert found["backlash"]["gap"] == pytest.approx(gap, rel=0.05)
