@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..errors import RefusedError, UsageError
 from ..expansion import Expansion, expanded
-from ..representation import Robot
+from ..representation import JointKind, Robot
 from .backend import Backend, Engine, MachineState, Program, Vector
 from .backends import backend_named
 from .program import whole_program
@@ -405,7 +405,7 @@ def _trace(
         "notes": list(robot.notes),
         "control": control.to_mapping(),
     }
-    kinds = tuple(stage.joint.kind for stage in robot.stages)
+    kinds: tuple[JointKind, ...] = tuple(stage.joint.kind for stage in robot.stages)
     return Trace(times, joints, tool, kinds, facts, tuple(_left_limits(robot, times, record.q)))
 
 
