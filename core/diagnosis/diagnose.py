@@ -434,13 +434,18 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     total, sure = how_far.shrinks_by, how_far.ci95
     if total is None or sure is None or not found:
         # a smaller gain makes less of its sensor's noise, which looks like a better fit
-        return next((item for item in found if item.effect == "controller_gain"), None)
+        return next((item for item in found if item.effect == "controller_gain" and _smaller(item)), None)
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
         help_there = total - (how_far.without.get(_named(item).name) or 0.0)
         helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
     least = int(np.argmin(helps))
     return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
+
+
+def _smaller(gain: Found) -> bool:
+    """Whether a controller's gain is found smaller than it is said to be."""
+    return min(gain.row.values["kp"], gain.row.values["kd"]) < 1.0
 
 
 def _named(item: Found) -> farness.Found:

@@ -29,7 +29,7 @@ Values = dict[str, float]
 STEP = 0.02
 CYCLES = 3
 # delays are looked for up to this one [s]
-LONGEST_DELAY = 0.01
+LONGEST_DELAY = 0.02
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 _GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 

@@ -121,16 +121,33 @@ def compared(run: Run) -> dict[str, Vector]:
     found: dict[str, Vector] = {}
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
+    loose = np.zeros(run.signals["q"].shape, dtype=bool) if run.locked else _loose(grid, run.t)
     for name in ("tau", "tau_link"):
         if run.has(name):
             values = _between(grid.t, grid.measured[name], run.t)
-            found[name] = np.where(np.isfinite(run.signals[name]) & inside[:, None], values, np.nan)
+            there = np.isfinite(run.signals[name]) & inside[:, None] & ~loose
+            found[name] = np.where(there, values, np.nan)
     if run.locked and "tau" in found:
         # while the motor before a clamped output stands, friction takes whatever there is to take
         stands = linear(grid.t, (np.abs(grid.dq) < creep_of(grid)).astype(float), run.t) > 0.0
         for joint in run.locked:
             found["tau"][stands[:, joint - 1], joint - 1] = np.nan
     return found
+
+
+def _loose(grid: Prepared, times: Vector) -> NDArray[np.bool_]:
+    """Where joints (nearly) stand, so that friction is between its levels and no motion tells it, shape (k, n).
+
+    A joint that stands most of the time still shows its load.
+    """
+    ndimage: Any = import_module("scipy.ndimage")
+
+    stands = np.abs(grid.dq) < creep_of(grid)
+    stands |= np.vstack([np.zeros((1, stands.shape[1]), dtype=bool), np.diff(np.signbit(grid.dq), axis=0)])
+    width = 2 * int(np.ceil(0.5 / (grid.band * grid.h))) + 1
+    near = np.asarray(ndimage.binary_dilation(stands, np.ones((width, 1), dtype=bool)))
+    near &= stands.mean(axis=0) < 0.7
+    return near[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
 
 
 def residuals(run: Run, simulated: Mapping[str, Vector]) -> dict[str, Vector]:
