@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.control import Controller
-from ..core.control.control import Feedforward
-from ..core.kinematics import Dynamics, dynamics
+from ..core.control import Control, Controller
+from ..core.control.controller import feedforward_along
+from ..core.kinematics import dynamics
 from ..core.motion import MotionLaw
 from ..core.representation import Robot
 from ..core.simulation.backend import MachineState, Program, Vector
@@ -34,15 +34,14 @@ class Commanded:
     limit: Vector
     first: Vector
     _command: MotionLaw
-    _feedforward: Feedforward
-    _arms: Dynamics
+    _control: Control
+    _robot: Robot
 
     def feedforward(self, times: Vector) -> Vector | None:
         """Torque of the nominal rigid bodies at the command, shape (m, n); None where the controller adds none."""
-        if self._feedforward == "none":
+        if self._control.mode != "pd" or self._control.feedforward == "none":
             return None
-        q, dq, ddq = self._command.at(times)
-        return self._arms.gravity(q) if self._feedforward == "gravity" else self._arms.inverse_dynamics(q, dq, ddq)
+        return feedforward_along(self._robot, self._control, *self._command.at(times))
 
 
 def commanded(robot: Robot, program: Program) -> Commanded:
@@ -57,20 +56,10 @@ def commanded(robot: Robot, program: Program) -> Commanded:
     limits = np.array([stage.drive.torque_limit for stage in robot.stages])
     if control.mode == "motion":
         start, zeros = imposed_start(robot, arms, followed), np.zeros(n)
-        return Commanded(followed, start, zeros, zeros, limits, zeros, program.motion, "none", arms)
+        return Commanded(followed, start, zeros, zeros, limits, zeros, program.motion, control, robot)
     controller = Controller(robot, robot, control, program.motion, program.duration)
     start = controlled_start(robot, arms, followed, controller)
     controller.tick(0, start.theta + offsets, start.dtheta)
     limit = np.minimum(limits, control.torque_limit or np.inf)
-    feedforward = control.feedforward if control.mode == "pd" else "none"
-    return Commanded(
-        followed,
-        start,
-        controller.kp,
-        controller.kd,
-        limit,
-        controller.held(0).copy(),
-        program.motion,
-        feedforward,
-        arms,
-    )
+    first = controller.held(0).copy()
+    return Commanded(followed, start, controller.kp, controller.kd, limit, first, program.motion, control, robot)

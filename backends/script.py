@@ -12,9 +12,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..core.control import Controller
+from ..core.control.controller import feedforward_along
 from ..core.errors import RefusedError
-from ..core.kinematics import dynamics
 from ..core.motion import evaluate
 from ..core.rendering import python_literal
 from ..core.representation import Robot
@@ -22,7 +21,7 @@ from ..core.simulation import drive_law, drive_table, imposed
 from ..core.simulation.backend import Program, Vector
 from ..core.simulation.compiled import law_function, uses_load
 from ..core.simulation.drive_sheet import DriveSheet
-from ..core.simulation.settle import controlled_start, imposed_start
+from .commanded import commanded
 
 WIDTH = 118
 # more numbers than this never stand on one line
@@ -175,18 +174,10 @@ def _feedforward(robot: Robot, program: Program) -> list[list[float]]:
     control = program.control
     if control.mode != "pd" or control.feedforward == "none":
         return []
-    arms = dynamics(robot)
-    q, dq, ddq = program.motion.at(tick_times(program))
-    return (arms.gravity(q) if control.feedforward == "gravity" else arms.inverse_dynamics(q, dq, ddq)).tolist()
+    return feedforward_along(robot, control, *program.motion.at(tick_times(program))).tolist()
 
 
 def _start(robot: Robot, program: Program) -> dict[str, list[float]]:
     """Where a run of ours starts too."""
-    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
-    followed = program.motion.shifted(-offsets) if offsets.any() else program.motion
-    if program.control.mode == "motion":
-        state = imposed_start(robot, dynamics(robot), followed)
-    else:
-        controller = Controller(robot, robot, program.control, program.motion, program.duration)
-        state = controlled_start(robot, dynamics(robot), followed, controller)
+    state = commanded(robot, program).start
     return {name: getattr(state, name).tolist() for name in ("q", "dq", "theta", "dtheta")}
