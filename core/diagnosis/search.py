@@ -46,6 +46,8 @@ SIMPLER = 0.002
 CLOSE = 0.6
 # every number more must explain this part more
 DEARER = 0.1
+# names that are tried in the place of several
+MOST_CONDENSED = 4
 # curved findings with so much evidence need not be taken out on trial
 BEYOND_DOUBT = 100.0
 
@@ -199,7 +201,38 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         prune(state, trial, fit, parts)
         if {item.key for item in state.found} <= {item.key for item in before}:
             break
+    _condense(state, parts)
     return state
+
+
+def _condense(state: Search, parts: Sequence[Part]) -> None:
+    """Put one cause in the place of several that together say what it says alone.
+
+    Where the largest share of a gap was picked first by another name, the rest of it is made up of small ones.
+    """
+    tried: set[tuple[str, int]] = set()
+    for contender in state.first:
+        if len(state.found) < 2 or len(tried) == MOST_CONDENSED or not contender.earns:
+            return
+        key = contender.hypothesis.key
+        rows = contender.hypothesis.rows(contender.beta)
+        if key in tried or key in state.banned or rows is None or any(item.key == key for item in state.found):
+            continue
+        tried.add(key)
+        one = _found(contender, rows)
+        trial = [one, *state.found]
+        fit = refined(state.problem, state.whiten, trial, parts)
+        other = Search(state.problem, state.whiten)
+        prune(other, [replace(item, gain=0.0) for item in trial], fit, parts, keep=key)
+        if without_bodies(state.problem, other.found) or not other.found:
+            continue
+        sigma = spread(state.left, parts)
+        worse = 0.5 * (_energy(other.left / sigma) - _energy(state.left / sigma))
+        fewer = len(state.found) - len(other.found)
+        numbers = state.slope.shape[1] - other.slope.shape[1]
+        if fewer > 0 and worse < fewer * THRESHOLD + 2.0 * numbers:
+            again = refined(state.problem, state.whiten, other.found, parts)
+            prune(state, other.found, again, parts)
 
 
 def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
@@ -420,7 +453,9 @@ def _energy(left: Vector) -> float:
     return float(left @ left)
 
 
-def prune(state: Search, found: Sequence[Found], fit: Refined, parts: Sequence[Part]) -> None:
+def prune(
+    state: Search, found: Sequence[Found], fit: Refined, parts: Sequence[Part], keep: tuple[str, int] | None = None
+) -> None:
     """Take these findings, but for what the others make needless; say what each adds to the others.
 
     Args:
@@ -428,10 +463,11 @@ def prune(state: Search, found: Sequence[Found], fit: Refined, parts: Sequence[P
         found: Candidates.
         fit: All of their numbers, fitted.
         parts: Bands of what is left.
+        keep: One that stays, needless or not.
     """
     state.take(found, fit)
     while state.found:
-        losses = [_loss(state, item, fit, parts) for item in state.found]
+        losses = [math.inf if item.key == keep else _loss(state, item, fit, parts) for item in state.found]
         worst = int(np.argmin(losses))
         if losses[worst] >= THRESHOLD:
             state.found = [replace(item, gain=loss) for item, loss in zip(state.found, losses, strict=True)]
