@@ -125,10 +125,10 @@ class Number:
 
 
 def rows_of(numbers: Sequence[Number]) -> Rows:
-    """All that a rival corrects, as rows of a database."""
+    """What a rival names, as rows of a database; the rest stays as it was."""
     rows: dict[str, list[EffectRow]] = {}
     for number in numbers:
-        if number.value != number.nominal:
+        if number.named:
             row = EffectRow(number.joint, FrozenMap({COLUMNS[number.effect]: number.value}))
             rows.setdefault(number.effect, []).append(row)
     return {effect: tuple(parts) for effect, parts in rows.items()}

@@ -40,11 +40,8 @@ RIVALS: dict[str, Callable[[Given], tuple[Number, ...]]] = {
     "sysid": rival_sysid.fitted,
     "regressor": rival_regressor.fitted,
 }
-# what a rival has a parameter for
-THEIRS = {
-    "sysid": set(rival_sysid.ATTRIBUTES),
-    "regressor": set(rival_regressor.EFFECTS),
-}
+# what every rival has a parameter for
+THEIRS = set(rival_sysid.ATTRIBUTES) & set(rival_regressor.EFFECTS)
 # a correction that leaves so much more than there was made it worse
 WORSE = 1.02
 
@@ -126,13 +123,8 @@ def write(path: Path, data: dict) -> None:
 # ---------------------------------------------------------------------------------------------------------- the table
 
 
-def table(cases: list[Case], theirs: set[str] | None) -> list[Figure]:
-    """All lines of one tool.
-
-    Args:
-        cases: As the tool answered them.
-        theirs: Effects that the tool has a parameter for; None: all.
-    """
+def table(cases: list[Case]) -> list[Figure]:
+    """All lines of one tool, from the cases as it answered them."""
 
     def of(*groups: str) -> list[Case]:
         return [c for c in cases if c.group in groups]
@@ -140,10 +132,11 @@ def table(cases: list[Case], theirs: set[str] | None) -> list[Figure]:
     single = [c for c in of("single") if not c.weak]
     weak = [c for c in of("single") if c.weak]
     several = of("pair", "triple")
-    own = [c for c in single if theirs is None or c.wanted[0][0] in theirs]
+    answered = [c for c in cases if c.said["verdict"] != "none"]
+    common = [c for c in single if c.wanted[0][0] in THEIRS]
     out = [
         Figure("single effect: it and its place named, and nothing else", "", [c.exact_as_far for c in single]),
-        Figure("... of those that the tool has a parameter for", "", [c.exact_as_far for c in own]),
+        Figure("... where every rival has a parameter for it", "", [c.exact_as_far for c in common]),
         Figure("single effect: among the names", "", [c.in_sets for c in single]),
         Figure("single effect: a wrong name", "", [wrong(c) for c in single]),
         Figure("barely visible: a wrong name", "", [wrong(c) for c in weak]),
@@ -167,7 +160,7 @@ def table(cases: list[Case], theirs: set[str] | None) -> list[Figure]:
             out.append(Figure(f"held-out {long} error in units of noise, median: {words}", "", text=text))
         pairs = [(b, a) for b, a in zip(total(chosen, "before"), total(chosen, "after"), strict=True)]
         out.append(Figure(f"... made worse on held-out runs: {words}", "", [a > WORSE * b for b, a in pairs]))
-    out.append(Figure("held-out simulation refused", "", [not held(c).get("after") for c in cases]))
+    out.append(Figure("held-out simulation refused", "", [not held(c).get("after") for c in answered]))
     out.append(Figure("no answer", "", [c.said["verdict"] == "none" for c in cases]))
     out.append(Figure("seconds a case", "", text=middle((c.seconds for c in cases), 1)))
     return out
@@ -223,10 +216,7 @@ def main() -> None:
     places = {"mbexport": options.diagnosed, **{name: options.out / name for name in RIVALS}}
     answers = {name: opened(options.bank, place, quick=options.quick) for name, place in places.items()}
     common = set.intersection(*({case.name for case in cases} for cases in answers.values()))
-    columns = {
-        name: table([case for case in cases if case.name in common], THEIRS.get(name))
-        for name, cases in answers.items()
-    }
+    columns = {name: table([case for case in cases if case.name in common]) for name, cases in answers.items()}
     rows = [[figure.name, *(t[k].shown() for t in columns.values())] for k, figure in enumerate(columns["mbexport"])]
     rows = [row for row in rows if set(row[1:]) != {"no case"}]
     text = markdown([f"{len(common)} cases with torque", *columns], rows)

@@ -68,10 +68,9 @@ def test_the_table_counts_wrong_names_and_what_was_made_worse(bank_module):
         held = {"before": {"tau": 4.0}, "after": {"tau": after}, "noise": {"tau": 2.0}}
         return case("a", truth, {"verdict": "explained", "which": [found], "how_far": {"holdout": held}}, None, 1.0)
 
-    lines = {one.name: one for one in table([answer("coulomb_friction", 2.0), answer("delay", 5.0)], {"delay"})}
+    lines = {one.name: one for one in table([answer("coulomb_friction", 2.0), answer("delay", 5.0)])}
     assert lines["single effect: it and its place named, and nothing else"].answers == [True, False]
     assert lines["single effect: a wrong name"].answers == [False, True]
     assert lines["... made worse on held-out runs: single effect"].answers == [False, True]
     assert lines["held-out torque error in units of noise, median: single effect"].text == "2.00 -> 1.75 (2)"
-    # the tool of this column knows delays alone
-    assert lines["... of those that the tool has a parameter for"].answers == []
+    assert lines["... where every rival has a parameter for it"].answers == [True, False]
