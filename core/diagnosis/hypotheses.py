@@ -28,6 +28,8 @@ Values = dict[str, float]
 # how large an amount is tried, as part of what would be a plain effect
 STEP = 0.02
 CYCLES = 3
+# cycles beside the strongest that are tried, and how far they are apart [1 / way]
+BESIDE, APART = 4, 0.6
 # delays are looked for up to this one [s]
 LONGEST_DELAY = 0.02
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
@@ -499,7 +501,9 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
             chosen.append(float(grid[k]))
         if len(chosen) == CYCLES:
             break
-    return chosen
+    # a wave over this way is told from its neighbours so far apart, and what else is left moves the peak a little
+    near = [chosen[0] + k * APART / way for k in range(-BESIDE, BESIDE + 1) if k]
+    return [*chosen, *(cycles for cycles in near if cycles >= lowest)]
 
 
 def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:

@@ -15,10 +15,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import EffectRow
+from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from .fit import Linear, Part, blocks, linear, spread
-from .hypotheses import STEP, Hypothesis, Scales, hypotheses, place_of, scales_of
+from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of
 from .nuisances import Whitening
 from .problem import Problem, Rows, merged
 from .refine import Refined, refined, removal
@@ -467,7 +467,8 @@ def prune(
     """
     state.take(found, fit)
     while state.found:
-        losses = [math.inf if item.key == keep else _loss(state, item, fit, parts) for item in state.found]
+        needed = {item.key for item in state.found if item.key == keep or _gives_alone(state, item)}
+        losses = [math.inf if item.key in needed else _loss(state, item, fit, parts) for item in state.found]
         worst = int(np.argmin(losses))
         if losses[worst] >= THRESHOLD:
             state.found = [replace(item, gain=loss) for item, loss in zip(state.found, losses, strict=True)]
@@ -478,6 +479,17 @@ def prune(
             state.take(rest, fit)
         else:
             state.begin()
+
+
+def _gives_alone(state: Search, item: Found) -> bool:
+    """Whether nothing else gives before a clamped output, where another finding needs its motor to move."""
+    others = [other for other in state.found if other is not item and other.at == item.at]
+    return (
+        item.effect in GIVING
+        and clamped(state.problem, item.at)
+        and any(effect_named(other.effect).key == "joint" for other in others)
+        and not any(other.effect in GIVING for other in others)
+    )
 
 
 def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> float:

@@ -11,14 +11,16 @@ from pendulums import pendulum_run
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.evidence import creep_of
+from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.inverse import clamped_at, said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resimulate import compared, resimulated
-from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.diagnosis.search import Found, Search, prune, search
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError
 
@@ -108,3 +110,16 @@ def test_stiffness_play_and_friction_are_found(gap, giving):
     assert found["coulomb_friction"]["torque"] == pytest.approx(DRY, rel=0.05)
     if gap:
         assert found["backlash"]["gap"] == pytest.approx(gap, rel=0.05)
+
+
+def test_what_lets_a_clamped_motor_move_stays_beside_its_friction():
+    # so much clearance that no spring is felt
+    asked = problem(DATABASE, "rigid", [clamped_run(1.0, 1)])
+    state, parts = Search(asked, whitening(asked)), blocks(asked.evidence)
+    spring_row, none = ({"stiffness": k, "damping": 0.0} for k in (5.0, 0.0))
+    found = [
+        Found("joint_compliance", 1, EffectRow(1, spring_row), 0.0, EffectRow(1, none)),
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 0.0, EffectRow(1, {"torque": 0.0})),
+    ]
+    prune(state, found, refined(asked, state.whiten, found, parts), parts)
+    assert [item.effect for item in state.found] == ["joint_compliance", "coulomb_friction"]
