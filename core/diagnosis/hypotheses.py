@@ -33,7 +33,8 @@ BESIDE, APART = 4, 0.6
 # delays are looked for up to this one [s]
 LONGEST_DELAY = 0.02
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
-_GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
+# what lets a motor move before a clamped output
+GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +145,7 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
     stiff = [
         at
         for at in range(1, n + 1)
-        if _clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in _GIVING)
+        if clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in GIVING)
     ]
     for name in catalogue():
         effect = effect_named(name)
@@ -395,7 +396,7 @@ def _giving(scales: Scales, name: str, at: int) -> list[Hypothesis]:
     return []
 
 
-def _clamped(problem: Problem, at: int) -> bool:
+def clamped(problem: Problem, at: int) -> bool:
     """Whether a joint's arm is held in every run."""
     return all(at in run.run.locked for run in problem.evidence.runs)
 
@@ -403,7 +404,7 @@ def _clamped(problem: Problem, at: int) -> bool:
 def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
     start = known or _defaults(name)
     size = 2e-3 if _revolute(problem, at) else 2e-3 * scales.length
-    if _clamped(problem, at):
+    if clamped(problem, at):
         # of the motor's way there
         size = 0.2 * float(scales.way[at - 1])
     forms: list[Hypothesis] = []
