@@ -402,14 +402,15 @@ def _differences(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vec
 def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender], parts: Sequence[Part]) -> Found | None:
     """The best few with all their numbers free, together with what was found: the one that explains most."""
     likely = [one for one in order if one.earns]
-    tried: dict[tuple[str, int], tuple[Contender, Found, Refined]] = {}
+    # a name may be tried twice, in the likeliest of its forms and in the one that explains most
+    tried: dict[int, tuple[Contender, Found, Refined]] = {}
     for contender in _few(likely, 2) + _few(good, MOST_TRIED):
         rows = contender.hypothesis.rows(contender.beta)
-        if contender.hypothesis.key in tried or rows is None or len(tried) == MOST_TRIED:
+        if id(contender) in tried or rows is None or len(tried) == MOST_TRIED:
             continue
         item = _found(contender, rows)
         fit = refined(state.problem, state.whiten, [*state.found, item], parts)
-        tried[item.key] = (contender, item, fit)
+        tried[id(contender)] = (contender, item, fit)
     if not tried:
         return None
     least = min((fit.left for _, _, fit in tried.values()), key=_energy)
@@ -423,11 +424,12 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     if not earning:
         return None
     # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
-    worth = {entry[2].key: _energy(state.left) - _energy(entry[3].left) for entry in earning}
-    for _, contender, item, _ in earning:
-        worth[item.key] /= 1.0 + DEARER * (len(contender.beta) - 1)
-    most = max(worth.values())
-    as_much = [entry for entry in earning if worth[entry[2].key] >= most - SAME_ENERGY * abs(most)]
+    worth = [
+        (_energy(state.left) - _energy(fit.left)) / (1.0 + DEARER * (len(contender.beta) - 1))
+        for _, contender, _, fit in earning
+    ]
+    most = max(worth)
+    as_much = [entry for entry, one in zip(earning, worth, strict=True) if one >= most - SAME_ENERGY * abs(most)]
     best = max(as_much, key=lambda entry: entry[0])
     margin = SIMPLER * (_energy(state.left) - _energy(best[3].left))
     same = (
