@@ -43,7 +43,7 @@ from .numerics import numerics, shift_of, shift_said, unshifted
 from .problem import Problem, problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
-from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search, without_bodies
+from .search import THRESHOLD, Contender, Found, Search, gives_alone, place_of, rows_of, search, without_bodies
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits
 from .where import where
 from .words import variable_in_words
@@ -58,6 +58,7 @@ EXACT = 0.01
 # mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
 UNREAL = "needs a body that cannot exist"
+STUCK = "would never slip on these runs: a spring says the same"
 GONE = "no gain on held-out data"
 CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
@@ -336,8 +337,12 @@ class _Diagnosing:
                 continue
             worst = min(range(len(kept)), key=lambda k: unseen.gains[k])
             if unseen.gains[worst] >= EARNS:
-                worst = min(range(len(kept)), key=lambda k: unseen.shares[k])
-                if unseen.shares[worst] >= OTHER_FORM:
+                shares = [
+                    math.inf if gives_alone(whole, kept, item) else share
+                    for item, share in zip(kept, unseen.shares, strict=True)
+                ]
+                worst = int(np.argmin(shares))
+                if shares[worst] >= OTHER_FORM:
                     return kept, unseen, tuple(dropped)
                 item = kept.pop(worst)
                 dropped.append(Rejected(item.effect, item.place, CRUMB))
@@ -515,7 +520,7 @@ def _rejected(
         if (effect, place) in said:
             continue
         if (effect, at) in state.banned:
-            out.append(Rejected(effect, place, UNREAL))
+            out.append(Rejected(effect, place, STUCK if effect == "hysteresis" else UNREAL))
         else:
             silent = contender.shows < NOTHING
             out.append(

@@ -22,8 +22,8 @@ from .resimulate import compared, residuals, resimulated
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]
 
-# a gap is one where it stands so many of its standard errors above none
-CLEAR = 2.0
+# a gap is one where it stands two of its standard errors above none: its square stands one of its own above
+CLEAR = 1.0
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
 
 

@@ -185,9 +185,10 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
             tell(", ".join(f"{item.effect} at {item.place}" for item in picked[:3]))
         trial = [*before, *picked]
         fit = refined(problem, whiten, trial, parts)
-        unreal = without_bodies(problem, [replace(item, row=fit.rows[item.key]) for item in trial])
+        fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
+        unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
         if unreal:
-            # what needs a body that cannot exist is not there; the others try again
+            # what cannot exist is not there, and what never slips is a spring; the others try again
             state.banned |= unreal
             trial = [item for item in trial if item.key not in unreal]
             if trial:
@@ -242,6 +243,16 @@ def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, i
         return set()
     faults = problem.impossible(rows_of(found))
     return {item.key for item in heavy if faults[item.at - 1]}
+
+
+def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+    """Hysteresis that slips nowhere on the way that its joint goes: a spring says the same with less."""
+    loops = [item for item in found if item.effect == "hysteresis"]
+    if not loops:
+        return set()
+    way = np.ptp(np.concatenate([run.q for run in problem.evidence.runs]), axis=0)
+    numbers = {item.key: item.row.values for item in loops}
+    return {key for key, row in numbers.items() if row["torque"] > row["stiffness"] * float(way[key[1] - 1])}
 
 
 def _picked(state: Search, parts: Sequence[Part], room: int) -> list[Found]:
@@ -469,7 +480,7 @@ def prune(
     """
     state.take(found, fit)
     while state.found:
-        needed = {item.key for item in state.found if item.key == keep or _gives_alone(state, item)}
+        needed = {item.key for item in state.found if item.key == keep or gives_alone(state.problem, state.found, item)}
         losses = [math.inf if item.key in needed else _loss(state, item, fit, parts) for item in state.found]
         worst = int(np.argmin(losses))
         if losses[worst] >= THRESHOLD:
@@ -483,12 +494,12 @@ def prune(
             state.begin()
 
 
-def _gives_alone(state: Search, item: Found) -> bool:
+def gives_alone(problem: Problem, found: Sequence[Found], item: Found) -> bool:
     """Whether nothing else gives before a clamped output, where another finding needs its motor to move."""
-    others = [other for other in state.found if other is not item and other.at == item.at]
+    others = [other for other in found if other is not item and other.at == item.at]
     return (
         item.effect in GIVING
-        and clamped(state.problem, item.at)
+        and clamped(problem, item.at)
         and any(effect_named(other.effect).key == "joint" for other in others)
         and not any(other.effect in GIVING for other in others)
     )
