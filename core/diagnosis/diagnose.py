@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database, with_effects
-from ..effects import effect_named
+from ..effects import EffectRow, effect_named
 from ..errors import RefusedError
 from ..recording import Run
 from ..representation import JointKind
@@ -40,6 +40,7 @@ from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor, significance
 from .nuisances import Whitening, whitening
 from .numerics import numerics, shift_of, shift_said, unshifted
+from .polish import polished
 from .problem import Problem, problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
@@ -121,10 +122,17 @@ class _Gap:
     Attributes:
         where: The gap's places.
         chance: Probability that a perfect model would leave as much.
+        loudest: Largest mean square of a channel in units of noise.
     """
 
     where: Where
     chance: float
+    loudest: float
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether a perfect model might leave it: by chance, or because no noise is known that well."""
+        return self.chance >= LEVEL or self.loudest <= SHOWS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,7 +165,7 @@ class _Held:
     @property
     def explains(self) -> bool:
         """Whether what is left is no more than noise."""
-        return self.after is not None and self.after.chance >= LEVEL
+        return self.after is not None and self.after.is_noise
 
     def dropped_but(self, other: _Held) -> tuple[Rejected, ...]:
         """Those dropped here that another set of findings neither has nor drops."""
@@ -203,12 +211,18 @@ class _Diagnosing:
         found, unseen, dropped = held.found, held.unseen, held.dropped
         how_far, overlays, after = held.how_far, held.overlays, held.after
         fit = refined(seen, seen_whiten, found, blocks(seen.evidence)) if found else None
-        if fit is not None:
-            found = [replace(item, row=fit.rows[item.effect, item.at]) for item in found]
         names = [self._alike(state, found, fit, item) for item in found if fit is not None]
+        if fit is not None:
+            found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
+            closer = self._closer(whole, whiten, held, ways, ready)
+            number = polished(seen, self.level, [ready[k] for k in fitted_on], fit, self.backend) if closer else None
+            if closer is not None and number is not None:
+                how_far, overlays, after = closer
+                fit = number
+                found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
         experiment = self._next(state, found, names)
         seen_too = _shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
-        verdict = _verdict(found, before.chance if seen_too else 1.0, after.chance if after else 1.0)
+        verdict = _verdict(found, before.chance < LEVEL and seen_too, after is not None and not after.is_noise)
         effects = rows_of(found)
         return Diagnosis(
             robot=self.database.name,
@@ -257,6 +271,26 @@ class _Diagnosing:
             dropped = (*dropped, *more)
             how_far, overlays, after = self._how_far(ready, ways, found, unseen)
         return _Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
+
+    def _closer(
+        self, whole: Problem, whiten: Whitening, held: _Held, ways: Sequence[Split], ready: Sequence[Run]
+    ) -> tuple[HowFar, tuple[Overlay, ...], _Gap | None] | None:
+        """How far the gap shrinks with numbers from simulation, where that is no less far."""
+        self.tell("numbers from simulation")
+        rows: list[tuple[EffectRow, ...]] = []
+        for way, old in zip(ways, held.unseen.rows, strict=True):
+            part = whole.only(way.seen)
+            there = [replace(item, row=row) for item, row in zip(held.found, old, strict=True)]
+            fit = refined(part, whiten.only(whole.evidence.places(way.seen)), there, blocks(part.evidence))
+            number = polished(part, self.level, [ready[k] for k in way.seen], fit, self.backend)
+            if number is None:
+                return None
+            rows.append(tuple(number.rows[item.key] for item in held.found))
+        try:
+            how_far, overlays, after = self._how_far(ready, ways, held.found, replace(held.unseen, rows=tuple(rows)))
+        except RefusedError:
+            return None
+        return (how_far, overlays, after) if (how_far.shrinks_by or 0.0) >= held.by - HARMS else None
 
     def _wild(self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -315,7 +349,7 @@ class _Diagnosing:
             for run, robot in zip(runs, robots, strict=True)
         ]
         noises = [noise_floor(self.database, self.level, run) for run in runs]
-        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises))
+        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises), _loudest(left, noises))
 
     def _kept(
         self, whole: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]
@@ -400,7 +434,8 @@ class _Diagnosing:
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
         robot = robot_of(self.database, self.level, judged_runs[0])
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        return answer, overlays, _Gap(where(left, noises, judged_runs, robot), significance(left, fitted))
+        gap = _Gap(where(left, noises, judged_runs, robot), significance(left, fitted), _loudest(left, fitted))
+        return answer, overlays, gap
 
     def _simulated(self, folds: Sequence[farness.Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""
@@ -481,10 +516,26 @@ def _shows(left: Vector, parts: Sequence[Part]) -> bool:
     )
 
 
-def _verdict(found: Sequence[Found], before: float, after: float) -> Verdict:
+def _loudest(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> float:
+    """Largest mean square of a channel over all runs, in units of noise."""
+    squares: dict[str, list[Vector]] = {}
+    for apart, noise in zip(left, noises, strict=True):
+        sigma = noise.sigma
+        for name, values in apart.items():
+            squares.setdefault(name, []).append((values / np.maximum(sigma[name], 1e-300)) ** 2)
+    loudest = 0.0
+    for parts in squares.values():
+        whole = np.concatenate(parts)
+        there = np.maximum(np.isfinite(whole).sum(axis=0), 1)
+        loudest = max(loudest, float((np.nansum(whole, axis=0) / there).max()))
+    return loudest
+
+
+def _verdict(found: Sequence[Found], before: bool, after: bool) -> Verdict:
+    """The verdict, from whether there is a gap before and after."""
     if found:
-        return "explained" if after >= LEVEL else "partly_explained"
-    return "no_gap" if before >= LEVEL else "unexplained"
+        return "partly_explained" if after else "explained"
+    return "unexplained" if before else "no_gap"
 
 
 def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:

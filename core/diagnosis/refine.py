@@ -117,7 +117,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     )
     start = np.array([_row(found, effect, at).values[name] for effect, at, name in free])
     size = np.array([_size(_row(found, effect, at), effect, name) for effect, at, name in free])
-    bounds = [_bounds(problem, effect, at, name) for effect, at, name in free]
+    bounds = [bounds_of(problem, effect, at, name) for effect, at, name in free]
     low = np.array([b[0] for b in bounds]) / size
     high = np.array([b[1] for b in bounds]) / size
 
@@ -173,7 +173,8 @@ def _size(row: EffectRow, effect: str, name: str) -> float:
     return max(value, 0.1 * max(same, default=0.0), 1e-9)
 
 
-def _bounds(problem: Problem, effect: str, at: int, name: str) -> tuple[float, float]:
+def bounds_of(problem: Problem, effect: str, at: int, name: str) -> tuple[float, float]:
+    """Least and largest value of a number."""
     low, high = _range(effect, name)
     if (effect, name) == ("stribeck_friction", "velocity"):
         # slower than that a joint counts as standing

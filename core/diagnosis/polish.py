@@ -1,0 +1,145 @@
+"""The last step of a fit: numbers brought into line with the simulation itself, on the runs that were fitted.
+
+Inverse dynamics along a smoothed motion says which effects there are, and their numbers to a few parts in a hundred.
+A simulation knows holds, ticks and a loop's own answer exactly; from where the numbers are it is nearly linear in them,
+so that a Gauss-Newton step or two is enough.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database import Database
+from ..effects import EffectRow
+from ..errors import RefusedError
+from ..recording import Run
+from .blocks import BLOCK
+from .model import robot_of
+from .noise import noise_floor
+from .problem import Problem
+from .refine import Refined, bounds_of
+from .resimulate import residuals, resimulated
+
+Vector = NDArray[np.float64]
+
+ROUNDS = 2
+# simulations that are worth it
+MOST_SIMULATIONS = 80
+# what the evidence along the motion knows holds a number this many of its standard deviations loosely
+LOOSE = 10.0
+# numbers are moved by their standard deviation to see what changes, within these parts of their size
+LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
+
+
+def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, backend: str) -> Refined | None:
+    """A fit with its numbers from simulation; None where that takes too long, cannot be, or gains nothing.
+
+    Args:
+        problem: The question, of these runs.
+        level: Of the nominal model.
+        runs: That were fitted.
+        fit: Along their measured motion.
+        backend: The engine.
+
+    Returns:
+        The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
+    """
+    if not fit.free or (ROUNDS * (len(fit.free) + 2)) * len(runs) > MOST_SIMULATIONS or any(run.locked for run in runs):
+        return None
+    sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
+    start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
+    limits: Vector = np.array([bounds_of(problem, *key) for key in fit.free], dtype=float)
+    size = np.maximum(np.abs(start), sigma)
+    step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
+    weight = 1.0 / np.maximum(LOOSE * sigma, 1e-3 * step)
+
+    def left(x: Vector) -> list[Vector]:
+        return _left(problem.database, level, runs, rows_at(fit, x), backend)
+
+    def cost(values: Sequence[Vector], x: Vector) -> float:
+        return sum(float(np.sum(part**2)) for part in values) + float(np.sum((weight * (x - start)) ** 2))
+
+    try:
+        x = start
+        before = now = left(x)
+        slopes: list[Vector] = []
+        for _ in range(ROUNDS):
+            slopes = _slopes(left, now, x, step, limits)
+            normal, gradient = np.diag(weight**2), weight**2 * (x - start)
+            for part, slope in zip(now, slopes, strict=True):
+                normal = normal + np.einsum("mck,mcl->kl", slope, slope)
+                gradient = gradient + np.einsum("mck,mc->k", slope, part)
+            there: Vector = np.asarray(x - np.linalg.solve(normal, gradient), dtype=float)
+            there = np.minimum(np.maximum(there, limits[:, 0]), limits[:, 1])
+            trial = left(there)
+            if cost(trial, there) >= cost(now, x):
+                break
+            x, now = there, trial
+    except RefusedError:
+        return None
+    if cost(now, x) >= cost(before, start):
+        return None
+    return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, _scatter(now, slopes, runs, weight)))
+
+
+def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
+    """The fit's rows with other numbers."""
+    values = {key: dict(row.values) for key, row in fit.rows.items()}
+    for (effect, at, name), value in zip(fit.free, x.tolist(), strict=True):
+        values[effect, at][name] = value
+    return {key: EffectRow(key[1], one) for key, one in values.items()}
+
+
+def _left(
+    database: Database, level: str, runs: Sequence[Run], rows: Mapping[tuple[str, int], EffectRow], backend: str
+) -> list[Vector]:
+    """Measured minus simulated of each run in units of noise, 0 where nothing was measured, shape (m, channels)."""
+    effects: dict[str, tuple[EffectRow, ...]] = {}
+    for (effect, _), row in sorted(rows.items()):
+        effects[effect] = (*effects.get(effect, ()), row)
+    out: list[Vector] = []
+    for run in runs:
+        robot = robot_of(database, level, run, effects)
+        apart = residuals(run, resimulated(robot, robot_of(database, level, run), run, backend))
+        sigma = noise_floor(database, level, run).sigma
+        parts = [np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)]
+        out.append(np.column_stack(parts))
+    return out
+
+
+def _slopes(
+    left: Callable[[Vector], list[Vector]], now: list[Vector], x: Vector, step: Vector, limits: Vector
+) -> list[Vector]:
+    """Change of what is left with each number, shape (m, channels, k) a run."""
+    columns: list[list[Vector]] = []
+    for k in range(len(x)):
+        moved = x.copy()
+        moved[k] += step[k] if x[k] + step[k] <= limits[k, 1] else -step[k]
+        by = float(moved[k] - x[k])
+        columns.append([(there - here) / by for there, here in zip(left(moved), now, strict=True)])
+    return [np.stack([column[r] for column in columns], axis=-1) for r in range(len(now))]
+
+
+def _scatter(left: Sequence[Vector], slopes: Sequence[Vector], runs: Sequence[Run], weight: Vector) -> Vector:
+    """Variance of each number by how blocks of time pull at it, shape (k,) (Huber, 1967; Newey and West, 1987)."""
+    normal = np.diag(weight**2)
+    pulls: list[Vector] = []
+    for part, slope, run in zip(left, slopes, runs, strict=True):
+        normal = normal + np.einsum("mck,mcl->kl", slope, slope)
+        count = max(1, round(run.duration / BLOCK))
+        for rows in np.array_split(np.arange(len(part)), count):
+            pulls.append(np.einsum("mck,mc->k", slope[rows], part[rows]))
+    gathered = np.array(pulls)
+    inverse = np.linalg.inv(normal)
+    return np.diagonal(inverse @ (gathered.T @ gathered) @ inverse) * len(pulls) / max(1, len(pulls) - 1)
+
+
+def _widened(covariance: Vector, variance: Vector) -> Vector:
+    """A covariance whose variances are at least these."""
+    own = np.maximum(np.diagonal(covariance), 1e-300)
+    more = np.sqrt(np.maximum(variance / own, 1.0))
+    return covariance * np.outer(more, more)
