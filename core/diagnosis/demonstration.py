@@ -18,9 +18,10 @@ from .experiment import Experiment
 from .fit import blocks, spread
 from .imagined import template
 from .mimic import Model, Sizes
+from .model import merged
 from .nuisances import whitening
 from .prepare import noise_in
-from .problem import Problem, merged
+from .problem import Problem
 from .search import ALIKE_SHARE, THRESHOLD, Found, rows_of
 from .words import capitalised, cause_in_words
 

@@ -16,7 +16,6 @@ from ..errors import RefusedError
 from ..recording import Run
 from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
-from . import how_far as farness
 from .alike import Alike, alike
 from .demonstration import shown
 from .diagnosis import (
@@ -36,6 +35,7 @@ from .diagnosis import (
 )
 from .experiment import Experiment, design
 from .fit import Part, blocks
+from .how_far import Fold, how_far, name_of
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor, significance
 from .nuisances import Whitening, whitening
@@ -421,8 +421,8 @@ class _Diagnosing:
     ) -> tuple[HowFar, tuple[Overlay, ...], _Gap | None]:
         """How far the gap shrinks where no fit saw it, and the gap that is left."""
         folds = [
-            farness.Fold(
-                tuple(_named(replace(item, row=row)) for item, row in zip(found, rows, strict=True)),
+            Fold(
+                tuple(replace(item, row=row) for item, row in zip(found, rows, strict=True)),
                 tuple(runs[k] for k in way.unseen),
             )
             for way, rows in zip(ways, unseen.rows, strict=True)
@@ -439,17 +439,17 @@ class _Diagnosing:
         gap = _Gap(where(left, noises, judged_runs, robot), significance(left, fitted), _loudest(left, fitted))
         return answer, overlays, gap
 
-    def _simulated(self, folds: Sequence[farness.Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
+    def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""
-        others = [name for name in self.backends if name != self.backend] if found else []
-        for engine in (self.backend, *others):
-            rest = self.backends if found else (engine,)
+        refusal: RefusedError | None = None
+        for engine in dict.fromkeys((self.backend, *(self.backends if found else ()))):
             try:
-                return farness.how_far(self.database, self.level, folds, engine, rest, self.tell)
-            except RefusedError:
-                if engine == (self.backend, *others)[-1]:
-                    raise
-        raise AssertionError("there is an engine")
+                rest = self.backends if found else (engine,)
+                return how_far(self.database, self.level, folds, engine, rest, self.tell)
+            except RefusedError as error:
+                refusal = error
+        assert refusal is not None
+        raise refusal
 
 
 def _drawable(overlay: Overlay) -> Overlay:
@@ -479,7 +479,7 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
         return next((item for item in found if item.effect == "controller_gain" and _smaller(item)), None)
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
-        help_there = total - (how_far.without.get(_named(item).name) or 0.0)
+        help_there = total - (how_far.without.get(name_of(item)) or 0.0)
         helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
     least = int(np.argmin(helps))
     return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
@@ -488,10 +488,6 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
 def _smaller(gain: Found) -> bool:
     """Whether a controller's gain is found smaller than it is said to be."""
     return min(gain.row.values["kp"], gain.row.values["kd"]) < 1.0
-
-
-def _named(item: Found) -> farness.Found:
-    return farness.Found(item.effect, item.place, item.row)
 
 
 def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:
@@ -567,11 +563,8 @@ def _rejected(
     """Everything else that was looked at, by name and place."""
     said = {(item.effect, item.place) for item in found} | {(item.effect, item.at) for item in dropped}
     said |= {(one.found.effect, one.found.place) for others in names for one in others}
-    best: dict[tuple[str, int], Contender] = {}
-    for contender in state.first:
-        best.setdefault(contender.hypothesis.key, contender)
     out: list[Rejected] = []
-    for (effect, at), contender in sorted(best.items()):
+    for (effect, at), contender in sorted(_best_forms(state).items()):
         place = place_of(effect, at)
         if (effect, place) in said:
             continue
@@ -585,12 +578,17 @@ def _rejected(
     return out
 
 
-def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
-    """How well each effect at each place does alone."""
-    there = {(item.effect, item.at): item for item in found}
+def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
+    """Of every effect at every place the form that did best alone."""
     best: dict[tuple[str, int], Contender] = {}
     for contender in state.first:
         best.setdefault(contender.hypothesis.key, contender)
+    return best
+
+
+def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
+    """How well each effect at each place does alone."""
+    there = {(item.effect, item.at): item for item in found}
     return tuple(
         Score(
             effect,
@@ -598,7 +596,7 @@ def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
             one.explains,
             probability(there[effect, at].gain, math.inf) if (effect, at) in there else 0.0,
         )
-        for (effect, at), one in sorted(best.items())
+        for (effect, at), one in sorted(_best_forms(state).items())
     )
 
 

@@ -35,8 +35,9 @@ from .diagnosis import NextExperiment
 from .experiment_words import Pair, because_in_words, why_in_words
 from .imagined import imagined, template
 from .mimic import Model, Sizes, Weigh, as_it_is
+from .model import Rows, merged
 from .nuisances import whitening
-from .problem import Problem, Rows, merged
+from .problem import Problem
 from .search import ALIKE_SHARE, THRESHOLD, Found, rows_of
 
 Vector = NDArray[np.float64]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database
-from ..effects import EffectRow
 from ..errors import MbexportError
 from ..recording import Run
 from ..recording.run import MEASURED
@@ -18,6 +17,7 @@ from .diagnosis import EffectShare, HowFar, Overlay
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .resimulate import compared, residuals, resimulated
+from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]
@@ -25,26 +25,6 @@ Simulated = Mapping[str, Vector]
 # a gap is one where it stands two of its standard errors above none: its square stands one of its own above
 CLEAR = 1.0
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """An effect that was found.
-
-    Attributes:
-        effect: Its name.
-        at: joint_N, arm_N or robot.
-        row: For the database.
-    """
-
-    effect: str
-    at: str
-    row: EffectRow
-
-    @property
-    def name(self) -> str:
-        """What a person calls it: "effect at"."""
-        return f"{self.effect} {self.at}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,12 +40,9 @@ class Fold:
     runs: tuple[Run, ...]
 
 
-def rows_of(found: Sequence[Found]) -> dict[str, tuple[EffectRow, ...]]:
-    """Effect -> rows, sorted by place."""
-    rows: dict[str, list[EffectRow]] = {}
-    for one in found:
-        rows.setdefault(one.effect, []).append(one.row)
-    return {name: tuple(sorted(parts, key=lambda row: row.at)) for name, parts in rows.items()}
+def name_of(found: Found) -> str:
+    """What a person calls a finding: "effect place"."""
+    return f"{found.effect} {found.place}"
 
 
 def how_far(
@@ -92,7 +69,7 @@ def how_far(
     say = tell or _say_nothing
     runs = [run for fold in folds for run in fold.runs]
     noises = [noise_floor(database, level, run) for run in runs]
-    names = [found.name for found in folds[0].found] if folds else []
+    names = [name_of(found) for found in folds[0].found] if folds else []
 
     def simulated(chosen: Sequence[int], engine: str) -> list[Simulated]:
         say(f"{engine}: " + (", ".join(names[k] for k in chosen) or "nothing added"))
@@ -140,7 +117,7 @@ def how_far(
         ci95=total.interval(),
         signals={name: total.by(name) for name in total.before.signals},
         by_effect=tuple(
-            EffectShare(found.effect, found.at, (gaps[k] - gaps[k + 1]) / gaps[0])
+            EffectShare(found.effect, found.place, (gaps[k] - gaps[k + 1]) / gaps[0])
             for k, found in enumerate(folds[0].found)
         )
         if clear

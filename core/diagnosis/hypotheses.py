@@ -19,8 +19,9 @@ from ..expansion import SHORTEST_BEND
 from ..kinematics import dynamics
 from .evidence import differences
 from .inverse import Said
+from .model import Rows
 from .prepare import Prepared
-from .problem import Problem, Rows
+from .problem import Problem
 
 Vector = NDArray[np.float64]
 Values = dict[str, float]

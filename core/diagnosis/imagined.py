@@ -20,8 +20,9 @@ from ..recording import Run
 from ..representation import Robot
 from .evidence import CREEP, REST, Channel, Evidence
 from .inverse import said
+from .model import Rows
 from .prepare import HIGHEST_BAND, KEPT, Prepared, noise_in
-from .problem import Problem, Rows
+from .problem import Problem
 
 Vector = NDArray[np.float64]
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import Column, EffectRow, effect_named
-from .problem import Problem, Rows, merged
+from .model import Rows, merged
+from .problem import Problem
 from .refine import free_columns
 from .search import Found, rows_of
 

@@ -17,7 +17,8 @@ from ..database import Database, Tolerance
 from ..effects import EffectRow
 from .evidence import coefficients
 from .inverse import LIGHT
-from .problem import Problem, Rows
+from .model import Rows
+from .problem import Problem
 
 Vector = NDArray[np.float64]
 

@@ -2,7 +2,7 @@
 
 Inverse dynamics along a smoothed motion says which effects there are, and their numbers to a few parts in a hundred.
 A simulation knows holds, ticks and a loop's own answer exactly; from where the numbers are it is nearly linear in them,
-so that a Gauss-Newton step or two is enough.
+so that one Gauss-Newton step is enough.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from .resimulate import residuals, resimulated
 
 Vector = NDArray[np.float64]
 
-ROUNDS = 2
+ROUNDS = 1
 # simulations that are worth it
-MOST_SIMULATIONS = 80
+MOST_SIMULATIONS = 40
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely
 LOOSE = 10.0
 # numbers are moved by their standard deviation to see what changes, within these parts of their size

@@ -17,9 +17,9 @@ from ..recording import Run
 from ..representation import Inertia, Robot
 from .evidence import Evidence, gather
 from .inverse import Said, said
+from .model import Rows, level_rows, merged
 
 Vector = NDArray[np.float64]
-Rows = Mapping[str, tuple[EffectRow, ...]]
 # what a robot leaves that cannot be, in units of noise
 FAR = 1.0e3
 
@@ -91,7 +91,7 @@ class Problem:
 
 def problem(database: Database, level: str, runs: Sequence[Run]) -> Problem:
     """The question for a robot at a level, and runs of it."""
-    known = {name: database.effects[name] for name in database.level_effects(level)}
+    known = level_rows(database, level)
     bodies: dict[tuple[tuple[str, float], ...], Database] = {}
     for run in runs:
         key = tuple(sorted(run.payload.items()))
@@ -99,16 +99,6 @@ def problem(database: Database, level: str, runs: Sequence[Run]) -> Problem:
     each = tuple(bodies[tuple(sorted(run.payload.items()))] for run in runs)
     nominals = [assembled(body, known) for body in each]
     return Problem(database, known, each, gather(runs, nominals))
-
-
-def merged(rows: Rows, new: Rows) -> dict[str, tuple[EffectRow, ...]]:
-    """Rows with others put in their places, or added where there were none."""
-    out = dict(rows)
-    for name, some in new.items():
-        by_place = {row.at: row for row in out.get(name, ())}
-        by_place.update((row.at, row) for row in some)
-        out[name] = tuple(by_place[at] for at in sorted(by_place))
-    return out
 
 
 def _loaded(database: Database, payload: Mapping[str, float]) -> Database:

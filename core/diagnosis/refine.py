@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .fit import Part, spread
+from .model import merged
 from .nuisances import Whitening
-from .problem import Problem, merged
+from .problem import Problem
 
 if TYPE_CHECKING:
     from .search import Found

@@ -19,8 +19,9 @@ from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from .fit import Linear, Part, blocks, linear, spread
 from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of
+from .model import Rows, merged
 from .nuisances import Whitening
-from .problem import Problem, Rows, merged
+from .problem import Problem
 from .refine import Refined, refined, removal
 
 Vector = NDArray[np.float64]

@@ -7,7 +7,8 @@ import pytest
 from pendulums import pendulum_run
 
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis.how_far import Fold, Found, how_far
+from mbexport.core.diagnosis.how_far import Fold, how_far
+from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
 DATABASE = load("pendulum")
@@ -15,7 +16,7 @@ RUN = pendulum_run("pd", lambda t, q, dq: 0.4 * dq + 0.25 * np.tanh(dq / 2e-3))
 
 
 def found(effect, **values):
-    return Found(effect, "joint_1", EffectRow(1, FrozenMap(values)))
+    return Found(effect, 1, EffectRow(1, FrozenMap(values)), 0.0)
 
 
 VISCOUS, DRY = found("viscous_friction", coefficient=0.4), found("coulomb_friction", torque=0.25)
