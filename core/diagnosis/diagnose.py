@@ -224,7 +224,7 @@ class _Diagnosing:
                 found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
         experiment = self._next(state, found, names)
         seen_too = _shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
-        verdict = _verdict(found, before.chance < LEVEL and seen_too, after is not None and not after.is_noise)
+        verdict = _verdict(found, not before.is_noise and seen_too, after is not None and not after.is_noise)
         effects = rows_of(found)
         return Diagnosis(
             robot=self.database.name,

@@ -35,6 +35,7 @@ BESIDE, APART = 4, 0.6
 LONGEST_DELAY = 0.02
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 # what lets a motor move before a clamped output
+_TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
@@ -520,16 +521,18 @@ def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values
         first = [start["mass"] * start[axis] + float(b) for axis, b in zip("xyz", beta[1:4], strict=True)]
         return start | {"mass": mass} | {axis: value / mass for axis, value in zip("xyz", first, strict=True)}
 
+    def body(beta: Vector) -> Values | None:
+        values = point(beta[:4])
+        if values is None or values["mass"] <= 1e-9:
+            return values
+        return values | {c: values[c] + float(b) for c, b in zip(_TENSOR, beta[4:], strict=True)}
+
+    lower = np.array([-start["mass"], *[-np.inf] * 3])
+    mass, tensor = np.array([m, m * x, m * x, m * x]), np.full(len(_TENSOR), m * x * x)
+    free = np.full(len(_TENSOR), -np.inf)
     return [
-        Hypothesis(
-            name,
-            0,
-            "point",
-            point,
-            np.array([m, m * x, m * x, m * x]),
-            np.array([-start["mass"], *[-np.inf] * 3]),
-            carried=True,
-        )
+        Hypothesis(name, 0, "point", point, mass, lower, carried=True),
+        Hypothesis(name, 0, "body", body, np.append(mass, tensor), np.append(lower, free), carried=True),
     ]
 
 
@@ -542,7 +545,7 @@ def _arm(problem: Problem, scales: Scales, name: str, at: int, known: Values | N
     m = max(problem.database.inertias[at - 1].mass, 0.05 * scales.mass)
     x = 0.2 * scales.length
     masses = {"mass": m, "mx": m * x, "my": m * x, "mz": m * x}
-    tensor: dict[str, float] = dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), m * x * x)
+    tensor: dict[str, float] = dict.fromkeys(_TENSOR, m * x * x)
     return [
         _added(name, at, known, masses, form="mass"),
         _added(name, at, known, tensor, form="tensor"),

@@ -22,7 +22,7 @@ from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, p
 from .model import Rows, merged
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import Refined, refined, removal
+from .refine import Refined, free_columns, refined, removal
 
 Vector = NDArray[np.float64]
 
@@ -210,22 +210,24 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
 def _condense(state: Search, parts: Sequence[Part]) -> None:
     """Put one cause in the place of several that together say what it says alone.
 
-    Where the largest share of a gap was picked first by another name, the rest of it is made up of small ones.
+    Where the largest share of a gap was picked first by another name, or by a form with too few numbers, the rest of it
+    is made up of small ones.
     """
-    tried: set[tuple[str, int]] = set()
+    tried: list[Hypothesis] = []
     for contender in state.first:
         if len(state.found) < 2 or len(tried) == MOST_CONDENSED or not contender.earns:
             return
-        key = contender.hypothesis.key
-        rows = contender.hypothesis.rows(contender.beta)
-        if key in tried or key in state.banned or rows is None or any(item.key == key for item in state.found):
+        hypothesis = contender.hypothesis
+        key, rows = hypothesis.key, hypothesis.rows(contender.beta)
+        there = next((item for item in state.found if item.key == key), None)
+        fuller = there is None or len(contender.beta) > len(free_columns(there.effect, there.row))
+        if rows is None or key in state.banned or not fuller or any(h.key == key for h in tried):
             continue
-        tried.add(key)
-        one = _found(contender, rows)
-        trial = [one, *state.found]
+        tried.append(hypothesis)
+        trial = [replace(item, gain=0.0) for item in (_found(contender, rows), *state.found) if item is not there]
         fit = refined(state.problem, state.whiten, trial, parts)
         other = Search(state.problem, state.whiten)
-        prune(other, [replace(item, gain=0.0) for item in trial], fit, parts, keep=key)
+        prune(other, trial, fit, parts, keep=key)
         if without_bodies(state.problem, other.found) or not other.found:
             continue
         sigma = spread(state.left, parts)

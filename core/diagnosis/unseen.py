@@ -13,7 +13,7 @@ from ..effects import EffectRow
 from ..recording import Run
 from .fit import Part, blocks, spread
 from .nuisances import Whitening
-from .problem import Problem
+from .problem import FAR, Problem
 from .refine import Refined, refined, removal
 from .search import Found, rows_of
 
@@ -105,14 +105,15 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         nothing = unseen.left([])
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
+            rest = nothing
             moves[k] += float(np.sum(((unseen.left(others) - left) / sigma) ** 2))
             if item.absent is not None:
                 moved = removal(fit, item.key, item.absent).rows
-                others = [replace(other, row=moved[other.key]) for other in others]
-            elif others:
+                rest = unseen.left([replace(other, row=moved[other.key]) for other in others])
+            if others and (item.absent is None or float(np.mean(rest**2)) > 0.01 * FAR**2):
+                # or where no such robot can be with the others as they would move
                 refit = seen.fit(others).rows
-                others = [replace(other, row=refit[other.key]) for other in others]
-            rest = unseen.left(others)
+                rest = unseen.left([replace(other, row=refit[other.key]) for other in others])
             gains[k] += 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2))
             shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
     return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
