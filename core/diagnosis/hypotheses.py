@@ -36,6 +36,8 @@ LONGEST_DELAY = 0.02
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 # what lets a motor move before a clamped output
 _TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+# where no torque is measured only their product shows
+_SAME_UNSEEN = ("controller_gain", "torque_constant")
 GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
@@ -149,11 +151,18 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         for at in range(1, n + 1)
         if clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in GIVING)
     ]
+    unseen = not any({"tau", "tau_link"} & run.measured.keys() for run in problem.evidence.runs)
     for name in catalogue():
         effect = effect_named(name)
         places = (0,) if effect.key == "robot" else range(1, n + 1)
         for at in places:
             if (name, at) in skip or not _possible(problem, name, at):
+                continue
+            if (
+                name in _SAME_UNSEEN
+                and unseen
+                and any(row.at == at for other in _SAME_UNSEEN for row in rows.get(other, ()))
+            ):
                 continue
             if effect.key == "joint" and at in stiff:
                 found += _giving(scales, name, at)

@@ -26,6 +26,9 @@ _HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("da
 # numbers that say how an effect goes, not how much of it there is
 _SHAPES = ("phase", "cycles", "velocity", "rest", "slips")
 _EVALUATIONS = 25
+# factors on what a drive is said to do, and how far from 1 they may be
+_FACTORS = (("controller_gain", "kp"), ("controller_gain", "kd"), ("torque_constant", "gain"))
+MOST_TIMES = 20.0
 # of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
 SLOWEST = 2.0
 # part of an arm's mass that may be too much
@@ -180,6 +183,9 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str) -> tuple[float,
     if (effect, name) == ("stribeck_friction", "velocity"):
         # slower than that a joint counts as standing
         low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))
+    if (effect, name) in _FACTORS:
+        # what is said of a drive is of its order
+        low, high = 1.0 / MOST_TIMES, MOST_TIMES
     if (effect, name) == ("link_inertia", "mass"):
         # an arm has a mass
         low = max(low, -LIGHTEST * problem.database.inertias[at - 1].mass)
