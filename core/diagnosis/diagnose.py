@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database, with_effects
-from ..effects import EffectRow, effect_named
+from ..effects import effect_named
 from ..errors import RefusedError
 from ..recording import Run
 from ..representation import JointKind
@@ -37,7 +37,7 @@ from .experiment import Experiment, design
 from .fit import Part, blocks
 from .how_far import Fold, how_far, name_of
 from .model import level_rows, merged, robot_of
-from .noise import Noise, noise_floor, significance
+from .noise import Noise, loudest, noise_floor, significance
 from .nuisances import Whitening, whitening
 from .numerics import numerics, shift_of, shift_said, unshifted
 from .polish import polished
@@ -217,10 +217,12 @@ class _Diagnosing:
         if fit is not None:
             found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
             closer = self._closer(whole, whiten, held, ways, ready)
-            number = polished(seen, self.level, [ready[k] for k in fitted_on], fit, self.backend) if closer else None
-            if closer is not None and number is not None:
-                how_far, overlays, after = closer
-                fit = number
+            if closer is not None:
+                numbers, how_far, overlays, after = closer
+                if not holdout:
+                    # every run judged once; the last numbers may see them all
+                    numbers = [polished(seen, self.level, ready, fit, self.backend) or fit]
+                fit = numbers[0]
                 found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
         experiment = self._next(state, found, names)
         seen_too = _shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
@@ -276,10 +278,10 @@ class _Diagnosing:
 
     def _closer(
         self, whole: Problem, whiten: Whitening, held: _Held, ways: Sequence[Split], ready: Sequence[Run]
-    ) -> tuple[HowFar, tuple[Overlay, ...], _Gap | None] | None:
-        """How far the gap shrinks with numbers from simulation, where that is no less far."""
+    ) -> tuple[list[Refined], HowFar, tuple[Overlay, ...], _Gap | None] | None:
+        """Every split's fit with numbers from simulation, and how far the gap shrinks so, where that is no less."""
         self.tell("numbers from simulation")
-        rows: list[tuple[EffectRow, ...]] = []
+        numbers: list[Refined] = []
         for way, old in zip(ways, held.unseen.rows, strict=True):
             part = whole.only(way.seen)
             there = [replace(item, row=row) for item, row in zip(held.found, old, strict=True)]
@@ -287,12 +289,13 @@ class _Diagnosing:
             number = polished(part, self.level, [ready[k] for k in way.seen], fit, self.backend)
             if number is None:
                 return None
-            rows.append(tuple(number.rows[item.key] for item in held.found))
+            numbers.append(number)
+        rows = tuple(tuple(number.rows[item.key] for item in held.found) for number in numbers)
         try:
-            how_far, overlays, after = self._how_far(ready, ways, held.found, replace(held.unseen, rows=tuple(rows)))
+            how_far, overlays, after = self._how_far(ready, ways, held.found, replace(held.unseen, rows=rows))
         except RefusedError:
             return None
-        return (how_far, overlays, after) if (how_far.shrinks_by or 0.0) >= held.by - HARMS else None
+        return (numbers, how_far, overlays, after) if (how_far.shrinks_by or 0.0) >= held.by - HARMS else None
 
     def _wild(self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -351,7 +354,7 @@ class _Diagnosing:
             for run, robot in zip(runs, robots, strict=True)
         ]
         noises = [noise_floor(self.database, self.level, run) for run in runs]
-        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises), _loudest(left, noises))
+        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises), loudest(left, noises))
 
     def _kept(
         self, whole: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]
@@ -436,7 +439,7 @@ class _Diagnosing:
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
         robot = robot_of(self.database, self.level, judged_runs[0])
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        gap = _Gap(where(left, noises, judged_runs, robot), significance(left, fitted), _loudest(left, fitted))
+        gap = _Gap(where(left, noises, judged_runs, robot), significance(left, fitted), loudest(left, fitted))
         return answer, overlays, gap
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
@@ -512,21 +515,6 @@ def _shows(left: Vector, parts: Sequence[Part]) -> bool:
         for part in parts
         if part.last - part.first >= SHORTEST_BAND
     )
-
-
-def _loudest(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> float:
-    """Largest mean square of a channel over all runs, in units of noise."""
-    squares: dict[str, list[Vector]] = {}
-    for apart, noise in zip(left, noises, strict=True):
-        sigma = noise.sigma
-        for name, values in apart.items():
-            squares.setdefault(name, []).append((values / np.maximum(sigma[name], 1e-300)) ** 2)
-    loudest = 0.0
-    for parts in squares.values():
-        whole = np.concatenate(parts)
-        there = np.maximum(np.isfinite(whole).sum(axis=0), 1)
-        loudest = max(loudest, float((np.nansum(whole, axis=0) / there).max()))
-    return loudest
 
 
 def _verdict(found: Sequence[Found], before: bool, after: bool) -> Verdict:

@@ -390,6 +390,21 @@ def significant(left: Mapping[str, Vector], noise: Noise) -> float:
     return significance([left], [noise])
 
 
+def loudest(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> float:
+    """Largest mean square of a channel over all runs, in units of noise."""
+    squares: dict[str, list[Vector]] = {}
+    for apart, noise in zip(left, noises, strict=True):
+        sigma = noise.sigma
+        for name, values in apart.items():
+            squares.setdefault(name, []).append((values / np.maximum(sigma[name], 1e-300)) ** 2)
+    most = 0.0
+    for parts in squares.values():
+        whole = np.concatenate(parts)
+        there = np.maximum(np.isfinite(whole).sum(axis=0), 1)
+        most = max(most, float((np.nansum(whole, axis=0) / there).max()))
+    return most
+
+
 def significance(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> float:
     """`significant` over several runs: all of their channels are tested together."""
     from scipy.stats import chi2
