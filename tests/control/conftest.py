@@ -5,7 +5,12 @@ import subprocess
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from mbexport.core.build import build
+from mbexport.core.database import load
+from mbexport.core.motion import point_to_point
 
 SOURCE = Path(__file__).parent / "units" / "pd.c"
 GUID = "{6b1f6f0c-pd}"
@@ -80,3 +85,15 @@ def pd_unit(fmpy, library, tmp_path):
         return path
 
     return pack
+
+
+@pytest.fixture(scope="module")
+def robot():
+    """Two joints that give: what units drive."""
+    return build(load("planar2r"), "compliant")
+
+
+@pytest.fixture(scope="module")
+def law(robot):
+    """A short way from home."""
+    return point_to_point(robot.home(), np.array(robot.home()) + 0.3, 0.2)

@@ -28,16 +28,6 @@ DURATION = 0.06
 
 
 @pytest.fixture(scope="module")
-def robot():
-    return build(load("planar2r"), "compliant")
-
-
-@pytest.fixture(scope="module")
-def law(robot):
-    return point_to_point(robot.home(), np.array(robot.home()) + 0.3, 0.2)
-
-
-@pytest.fixture(scope="module")
 def pd(robot):
     return default_pd(robot)
 

@@ -12,23 +12,12 @@ from mbexport.core.control import Control, Signals, default_pd, read_signals, re
 from mbexport.core.database import load
 from mbexport.core.errors import InputError, RefusedError, RunFileError, UsageError
 from mbexport.core.kinematics import dynamics
-from mbexport.core.motion import point_to_point
 from mbexport.core.recording import read_run
 from mbexport.core.simulation import simulate
 from mbexport.core.simulation.backend import MachineState
 
 pytestmark = pytest.mark.usefixtures("fmpy")
 BACKENDS = ("exudyn", "mjcf", "pybullet", "urdf")
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return build(load("planar2r"), "compliant")
-
-
-@pytest.fixture(scope="module")
-def law(robot):
-    return point_to_point(robot.home(), np.array(robot.home()) + 0.3, 0.2)
 
 
 @pytest.fixture(scope="module")
