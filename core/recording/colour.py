@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -35,7 +35,13 @@ _A_LITTLE = 1.25
 # of white noise beside slow noise, tried
 _WHITE_SHARES = np.array([0.0, 0.03, 0.1, 0.25, 0.5, 0.75])
 # of the lowest frequency looked at: what turns below half of it cannot be told from what never turns
-_LOWEST_CORNER = 0.45
+_LOWEST_CORNER = 0.25
+# terms of the autoregression that stands for slow noise beside white
+_LONG = 24
+# twice the logarithm of a likelihood ratio from which a channel has another colour than those beside it
+_OTHER_COLOUR = 6.0
+# sizes of slow noise beside white that are tried, times the level
+_SIZES = np.exp(np.linspace(-2.5, 1.0, 15))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,23 +100,119 @@ def _contrasts(n: int) -> _Contrasts:
     return _Contrasts(basis, np.array(starts[:-1]), sizes.astype(np.float64), power, variances)
 
 
-def coloured(stretches: Vector, white: float) -> Coloured:
-    """Noise under clean stretches of a channel.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Upper:
+    """What of a channel is noise alone.
+
+    Attributes:
+        energy: Mean squares of stretches in bands, shape (s, b).
+        tools: Contrasts of all bands.
+        cut: First of the bands.
+        white: Variance that is there at least and is white.
+    """
+
+    energy: Vector
+    tools: _Contrasts
+    cut: int
+    white: float
+
+    @property
+    def power(self) -> Vector:
+        return self.tools.power[self.cut :]
+
+    @property
+    def sizes(self) -> Vector:
+        return self.tools.sizes[self.cut :]
+
+    @property
+    def level(self) -> float:
+        """Mean square of a stretch in the middle."""
+        return float(np.median(_mean(self.energy, self.sizes)))
+
+    @property
+    def highest(self) -> float:
+        """The slowest reflection that can be told from noise that never turns."""
+        return 1.0 - _LOWEST_CORNER * np.pi * float(self.tools.starts[self.cut]) / self.tools.basis.shape[0]
+
+
+def coloured(channels: Sequence[tuple[Vector, float]]) -> list[Coloured]:
+    """Noise under clean stretches of channels that have sensors of one make.
+
+    A slow colour is known badly from one channel, and what is compared lies where it is drawn on to: channels share
+    one, but for those that disagree with it.
 
     Args:
-        stretches: Shape (s, n), n one of `LENGTHS`.
-        white: Variance that is there at least and is white (quantisation).
+        channels: Of each its stretches, shape (s, n), n one of `LENGTHS`, and the variance that is there at least and
+            is white (quantisation).
     """
+    upper = [_upper(stretches, white) for stretches, white in channels]
+    alone = [
+        Coloured(white, np.zeros(0)) if one is None else _best_order(one)
+        for one, (_, white) in zip(upper, channels, strict=True)
+    ]
+    # a longer memory than one sample is a sensor of its own kind
+    fit = {k: one for k, one in enumerate(upper) if one is not None and len(alone[k].ar) in (0, 1, _LONG)}
+    curves = {k: _curve(one) for k, one in fit.items()}
+    while len(curves) > 1:
+        whole = np.sum(list(curves.values()), axis=0)
+        best = int(np.argmin(whole))
+        objects = {k: float(curve[best] - curve.min()) for k, curve in curves.items()}
+        worst = max(objects, key=lambda k: objects[k])
+        if objects[worst] > _OTHER_COLOUR:
+            del curves[worst]
+            continue
+        slope = min(_lowest_between(whole, best), max(fit[k].highest for k in curves))
+        for k in curves:
+            alone[k] = _of_slope(fit[k], slope)
+        break
+    return alone
+
+
+def _upper(stretches: Vector, white: float) -> _Upper | None:
+    """The bands of a channel's stretches that are noise; None where too few of them moved at all."""
     n = stretches.shape[1]
     tools = _contrasts(n)
     energy = tools.energies(stretches)
-    upper = tools.starts >= n // 4
+    rough = tools.starts >= n // 4
     # a sensor that did not move in a stretch says nothing of its noise
-    energy = energy[_mean(energy[:, upper], tools.sizes[upper]) > max(0.02 * white, 1.0e-280)]
+    energy = energy[_mean(energy[:, rough], tools.sizes[rough]) > max(0.02 * white, 1.0e-280)]
     if len(energy) < 3:
-        return Coloured(white, np.zeros(0))
+        return None
     cut = _lowest_noise(energy, tools, white)
-    return _best_order(energy[:, cut:], tools, cut, white)
+    return _Upper(energy[:, cut:], tools, cut, white)
+
+
+def _models(one: _Upper, slope: float) -> Vector:
+    """Variances of the bands under a model of order 1, in the sizes that are tried beside white, shape (k, b)."""
+    shape = one.power @ _spectrum(np.array([slope]))
+    shape = shape * one.level / float(_mean(shape, one.sizes))
+    return shape[None] if one.white == 0.0 else _SIZES[:, None] * shape + one.white
+
+
+def _curve(one: _Upper) -> Vector:
+    """-2 log likelihood of every slope that is tried, shape (k,)."""
+    return np.array([_cost(one.energy, _models(one, slope), one.sizes).min() for slope in _SLOPES])
+
+
+def _lowest_between(curve: Vector, best: int) -> float:
+    """The slope at the lowest point of a parabola through a curve's lowest value and its neighbours."""
+    at = np.arctanh(_SLOPES)
+    if not 0 < best < len(curve) - 1:
+        return float(_SLOPES[best])
+    before, here, after = curve[best - 1 : best + 2]
+    bend = before - 2.0 * here + after
+    aside = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    return float(np.tanh(at[best] + aside * (at[1] - at[0])))
+
+
+def _of_slope(one: _Upper, slope: float) -> Coloured:
+    """Noise of order 1 with a slope that is known."""
+    models = _models(one, slope)
+    variances = models[int(np.argmin(_cost(one.energy, models, one.sizes)))]
+    shape = one.power @ _spectrum(np.array([slope]))
+    size = float(_mean(variances - one.white, one.sizes) / _mean(shape, one.sizes))
+    scale = _middle(_mean(one.energy / variances, one.sizes), float(one.sizes.sum()))
+    return _whole(np.array([slope]), scale * size, scale * one.white)
 
 
 def _spectrum(ar: Vector) -> Vector:
@@ -188,15 +290,13 @@ def _middle(ratio: Vector, k: float) -> float:
     return float(np.median(ratio)) / _quantile(k, 0.0)
 
 
-def _best_order(energy: Vector, tools: _Contrasts, cut: int, white: float) -> Coloured:
+def _best_order(one: _Upper) -> Coloured:
     """The model that pays for its order, by the Bayesian information criterion."""
+    energy, white, power, sizes, level, highest = one.energy, one.white, one.power, one.sizes, one.level, one.highest
     # SciPy's annotations leave its own types open
     minimize: Any = import_module("scipy.optimize").minimize
 
-    power, sizes = tools.power[cut:], tools.sizes[cut:]
     price = math.log(len(energy) * sizes.sum())
-    level = float(np.median(_mean(energy, sizes)))
-    highest = 1.0 - _LOWEST_CORNER * np.pi * float(tools.starts[cut]) / tools.basis.shape[0]
 
     def model(parameters: Vector) -> tuple[Vector, Vector, float]:
         ar = _from_reflections(highest * np.tanh(parameters[1:]))
@@ -251,11 +351,11 @@ def _from_reflections(reflections: Vector) -> Vector:
 def _whole(ar: Vector, innovation: float, white: float) -> Coloured:
     """An autoregression and white noise beside it, as one autoregression."""
     spectrum = innovation * _spectrum(ar) + white
-    lags = np.arange(_HIGHEST_ORDER + 3)
+    lags = np.arange(_LONG + 1)
     covariance = (np.cos(np.outer(lags, _ANGLES)) @ spectrum) / _FREQUENCIES
     if len(ar) == 0 or white == 0.0:
         return Coloured(float(covariance[0]), ar)
-    p = min(len(ar) + 2, len(lags) - 1)
-    toeplitz = covariance[np.abs(np.subtract.outer(np.arange(p), np.arange(p)))]
-    whole = np.linalg.solve(toeplitz, covariance[1 : p + 1]).astype(np.float64)
+    # what is slow beside white has a long memory; with a few terms its lowest frequencies would be lost
+    toeplitz = covariance[np.abs(np.subtract.outer(lags[:-1], lags[:-1]))]
+    whole = np.linalg.solve(toeplitz, covariance[1:]).astype(np.float64)
     return Coloured(float(covariance[0]), whole)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
@@ -55,13 +56,10 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     run = _evenly(run, signal)
     values = run.signals[signal]
     known = _motion_of(run)
-    found = [
-        _channel(run, values[:, i], steps[i], known, i if values.shape[1] == run.n else None)
-        for i in range(values.shape[1])
-    ]
-    variance, step = np.array([one[0] for one in found]), np.array([one[2] for one in found])
-    orders = max(1, *(len(one[1]) for one in found))
-    ar = np.array([np.pad(one[1], (0, orders - len(one[1]))) for one in found])
+    variance, colours = _channels(run, values, steps, known)
+    step = np.where(np.isfinite(values).sum(axis=0) < LENGTHS[-1] // 2, 0.0, steps)
+    orders = max(1, *(len(one) for one in colours))
+    ar = np.array([np.pad(one, (0, orders - len(one))) for one in colours])
     if signal == "ee_rot":
         # a turn by a small angle moves the quaternion by half of it, square to itself
         variance, ar, step = np.array([4.0 / 3.0 * variance.sum()]), ar[[int(np.argmax(variance))]], 2.0 * step[:1]
@@ -149,22 +147,35 @@ def _motion_of(run: Run) -> _Motion:
     return _Motion(reversals, gaps)
 
 
-def _channel(run: Run, values: Vector, step: float, known: _Motion, joint: int | None) -> tuple[float, Vector, float]:
-    """(variance, autoregression, quantisation step) of one channel (m,)."""
-    nothing = (0.0, np.zeros(0), 0.0)
+def _channels(run: Run, values: Vector, steps: Sequence[float], known: _Motion) -> tuple[Vector, list[Vector]]:
+    """Variance and autoregression of channels (m, n) with these quantisation steps."""
+    white = [step**2 / 12.0 for step in steps]
+    variance = np.zeros(values.shape[1])
+    colours = [np.zeros(0) for _ in steps]
+    clean: dict[int, Vector] = {}
+    for i, column in enumerate(values.T):
+        if np.isfinite(column).sum() < LENGTHS[-1] // 2:
+            continue
+        stretches = _clean_stretches(run, column, known, i if values.shape[1] == run.n else None)
+        variance[i] = white[i]
+        if stretches is not None:
+            clean[i] = stretches
+    found = coloured([(stretches, white[i]) for i, stretches in clean.items()])
+    for i, noise in zip(clean, found, strict=True):
+        variance[i], colours[i] = max(noise.variance, white[i]), noise.ar
+    return variance, colours
+
+
+def _clean_stretches(run: Run, values: Vector, known: _Motion, joint: int | None) -> Vector | None:
+    """Stretches of a channel (m,) in which nothing turns back, shape (s, length); None where there are too few."""
     finite = np.isfinite(values)
-    if finite.sum() < LENGTHS[-1] // 2:
-        return nothing
     turned = known.reversals.any(axis=1) if joint is None else known.reversals[:, joint]
     # a motion that turns all the time leaves what it leaves
     avoided = ~finite | (turned if turned.mean() < 0.7 else np.zeros_like(turned))
     length, starts = _clean(avoided, known.breaks)
     if len(starts) < 3:
         length, starts = _clean(~finite, known.breaks)
-    if len(starts) < 3:
-        return step**2 / 12.0, nothing[1], step
-    noise = coloured(np.array([values[k : k + length] for k in starts]), step**2 / 12.0)
-    return max(noise.variance, step**2 / 12.0), noise.ar, step
+    return np.array([values[k : k + length] for k in starts]) if len(starts) >= 3 else None
 
 
 def _clean(avoided: Rows, breaks: Rows) -> tuple[int, list[int]]:

@@ -110,6 +110,43 @@ def test_the_colour_whitens():
     assert not noise.ar[1].any()
 
 
+def at_five_hertz(noise, channel):
+    """Power density of an estimated channel near 5 Hz."""
+    impulse = np.concatenate([[1.0], np.zeros(5000)])
+    answer = lfilter([1.0], np.concatenate([[1.0], -noise.ar[channel]]), impulse)
+    turn = np.exp(-2j * np.pi * 5.0 / RATE * np.arange(len(answer)))
+    return noise.sigma[channel] ** 2 * abs(answer @ turn) ** 2 / (answer @ answer)
+
+
+@pytest.mark.parametrize("step", [0.0, 2.0])
+def test_slow_noise_is_known_where_motions_are(step):
+    """Below the frequencies at which it is seen, what a coarse sensor rounds away included."""
+    true = (1.0 - 0.95**2) / abs(1.0 - 0.95 * np.exp(-2j * np.pi * 5.0 / RATE)) ** 2
+    ratios = []
+    for seed in SEEDS:
+        random = np.random.default_rng(seed)
+        t = np.arange(4000) / RATE
+        motion = np.column_stack([np.sin((1.0 + 0.1 * k) * t) for k in range(6)])
+        noisy = motion + 1e-4 * np.column_stack([coloured(4000, 0.95, random) for _ in range(6)])
+        if step:
+            noisy = np.round(noisy / (step * 1e-4)) * step * 1e-4
+        noise = noise_of(run_of(t, {"q_cmd": motion, "q": noisy}), "q")
+        ratios += [at_five_hertz(noise, k) / (1e-8 * (true + step**2 / 12.0)) for k in range(6)]
+    assert 0.6 < np.median(ratios) < 1.6
+    assert np.quantile(ratios, 0.05) > 0.4
+
+
+def test_a_channel_of_another_colour_keeps_its_own():
+    random = np.random.default_rng(5)
+    t = np.arange(4000) / RATE
+    motion = np.sin(np.outer(t, [1.0, 1.1, 1.2, 1.3]))
+    slow = [coloured(4000, 0.95, random) for _ in range(3)]
+    q = motion + 1e-4 * np.column_stack([*slow, random.normal(size=4000)])
+    noise = noise_of(run_of(t, {"q_cmd": motion, "q": q}), "q")
+    assert np.abs(noise.ar[3]).max() < 0.2
+    assert noise.ar[:3, 0].min() > 0.85
+
+
 def test_a_stated_sigma_is_kept_and_its_colour_estimated():
     run = recorded(swing, 0.95)
     stated = run_of(run.t, run.signals, {"tau": np.array([0.7, 0.8])})
