@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ..effects import effect_named
-from .fit import blocks, spread
+from .fit import blocks, gained, spread
 from .refine import Refined, refined
 from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, without_bodies
 
 # how many other names are fitted with all their numbers free
 TRIED = 5
 # a first look by signatures may be off by this much of the gap's energy; of what is linear, this much
-FIRST_LOOK, LINEAR_LOOK = 0.25, 0.05
+FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +61,12 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     else:
         state.begin()
     sigma = spread(fit.left, parts)
-    best = float(np.sum((fit.left / sigma) ** 2))
     whole = float(fit.left @ fit.left)
     energy = max(float(state.left @ state.left) - whole, 1e-9)
     near: dict[tuple[str, int], Contender] = {}
     for contender in contenders(state, parts, [item.key]):
         more = (float(contender.left @ contender.left) - whole) / energy
-        worse = 0.5 * (float(np.sum((contender.left / sigma) ** 2)) - best)
+        worse = gained(contender.left, fit.left, sigma, parts)
         if more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
             near.setdefault(contender.hypothesis.key, contender)
     out: list[Alike] = []
@@ -79,7 +76,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             continue
         key = contender.hypothesis.key
         other = refined(problem, whiten, [*state.found, Found(*key, rows[key[0]][0], contender.gain)], parts)
-        worse = 0.5 * (float(np.sum((other.left / sigma) ** 2)) - best) + _numbers(key[0]) - _numbers(item.effect)
+        worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
         # what leaves much less is no other name for it
         named = Found(*key, other.rows[key], contender.gain)

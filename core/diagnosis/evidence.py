@@ -9,7 +9,7 @@ through smoothing, differentiation and the controller's gains, is found by sendi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .inverse import Said, said
-from .prepare import Prepared, noise_in, prepared
+from .prepare import Prepared, noise_in, prepared, small_turn
 
 Vector = NDArray[np.float64]
 
@@ -125,7 +125,14 @@ def differences(run: Prepared, speech: Said) -> dict[str, Vector]:
     for name in ("tau_link", "q_link", "ee"):
         if name in measured:
             out[name] = measured[name] - getattr(speech, name)
+    if "ee_rot" in measured:
+        out["ee_rot"] = ahead(measured["ee_rot"], speech.ee_rot)
     return out
+
+
+def ahead(one: Vector, other: Vector) -> Vector:
+    """By what small angles about the base's axes one rotation is ahead of another, (m, 9) each, shape (m, 3) [rad]."""
+    return small_turn(one.reshape(-1, 3, 3) @ other.reshape(-1, 3, 3).transpose(0, 2, 1))
 
 
 def coefficients(run: Prepared, values: dict[str, Vector], masks: dict[str, Vector]) -> dict[str, list[Vector]]:
@@ -203,8 +210,8 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
     for name, series in values.items():
         mask = np.ones(series.shape)
         mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
-        if name == "ee":
-            mask[bridged["ee"].any(axis=1) | bridged["q"].any(axis=1)] = 0.0
+        if name in ("ee", "ee_rot"):
+            mask[bridged[name].any(axis=1) | bridged["q"].any(axis=1)] = 0.0
         else:
             # a joint's torque takes the motion of every joint
             mask[bridged["q"].any(axis=1)] = 0.0
@@ -231,8 +238,12 @@ def _noise(
 
     random = np.random.default_rng(SEED)
     total: dict[str, list[Vector]] = {}
-    names = [name for name in ("q", "tau", "tau_link", "q_link", "ee") if name in run.run.signals]
+    names = [name for name in ("q", "tau", "tau_link", "q_link", "ee", "ee_rot") if name in run.run.signals]
     models = {name: noise_in(run.run, name) for name in names}
+    if "ee_rot" in models:
+        # alike about all axes
+        one = models["ee_rot"]
+        models["ee_rot"] = replace(one, sigma=np.repeat(one.sigma, 3), ar=np.repeat(one.ar, 3, axis=0))
     for _ in range(DRAWS):
         extra = {name: sample(models[name], len(run.run.t), random) for name in names}
         other = prepared(run.run, run.band, extra)

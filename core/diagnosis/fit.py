@@ -19,6 +19,8 @@ Vector = NDArray[np.float64]
 BANDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
 # of the power of what is not understood in a channel, this part may be in any of its bands
 LEAK = 0.2
+# standard deviations below what noise leaves of a channel from which less is no better
+CHANCE = 2.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,3 +106,26 @@ def spread(left: Vector, parts: Sequence[Part]) -> Vector:
         whole = float(np.mean(left[part.begin : part.end] ** 2))
         out[part.first : part.last] = np.sqrt(max(1.0, level, 1.0 + LEAK * (whole - 1.0)))
     return out
+
+
+def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) -> float:
+    """Log evidence of what is left after over what was left before, both in units of noise, shape (N,).
+
+    Below what noise leaves of a channel nothing is gained: who turns a gain down turns its sensor's noise down with it.
+
+    Args:
+        before: What was left.
+        after: What is left.
+        sigma: Spread that both are judged by.
+        parts: Bands of channels.
+    """
+    total = 0.0
+    for begin, end in sorted({(part.begin, part.end) for part in parts}):
+        here = slice(begin, end)
+        floor = (end - begin) - CHANCE * float(np.sqrt(2.0 * (end - begin)))
+        had, has = float(np.sum(before[here] ** 2)), float(np.sum(after[here] ** 2))
+        gain = float(np.sum((before[here] / sigma[here]) ** 2) - np.sum((after[here] / sigma[here]) ** 2))
+        if (more := abs(had - has)) > 0.0:
+            gain *= abs(max(had, floor) - max(has, floor)) / more
+        total += gain
+    return 0.5 * total

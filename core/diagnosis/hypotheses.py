@@ -31,9 +31,12 @@ STEP = 0.02
 CYCLES = 3
 # cycles beside the strongest that are tried, and how far they are apart [1 / way]
 BESIDE, APART = 4, 0.6
-# delays are looked for up to this one [s]
+# delays are looked for up to this one [s], and within this part of each tick
 LONGEST_DELAY = 0.02
+WITHIN = 0.98
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
+# times the median power of all orders that a wave's is
+STANDS_OUT = 8.0
 # what lets a motor move before a clamped output
 _TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 # where no torque is measured only their product shows
@@ -270,7 +273,8 @@ def _delay(problem: Problem, scales: Scales, name: str, at: int, known: Values |
         middle = (number + 0.5) * tick
 
         def values(beta: Vector, middle: float = middle) -> Values | None:
-            return {"time": max(middle + float(beta[0]), 0.0)}
+            aside = WITHIN * 0.5 * tick
+            return {"time": middle + min(max(float(beta[0]), -aside), aside)}
 
         forms.append(
             Hypothesis(
@@ -508,11 +512,17 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     if size == 0.0:
         return []
     chosen: list[float] = []
+    noise = STANDS_OUT * float(np.median(power))
     for k in np.argsort(-power):
+        if power[k] < noise:
+            # no more than the highest of so many of noise
+            break
         if all(abs(grid[k] - c) > 2.0 * np.pi / way for c in chosen):
             chosen.append(float(grid[k]))
         if len(chosen) == CYCLES:
             break
+    if not chosen:
+        return []
     # a wave over this way is told from its neighbours so far apart, and what else is left moves the peak a little
     near = [chosen[0] + k * APART / way for k in range(-BESIDE, BESIDE + 1) if k]
     return [*chosen, *(cycles for cycles in near if cycles >= lowest)]

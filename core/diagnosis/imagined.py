@@ -154,7 +154,8 @@ def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Chan
     """Channels of the recorded runs, with the noise that these had at each frequency."""
     f = _frequencies(plan)
     power: dict[tuple[str, int], list[Vector]] = {}
-    wanted = {(channel.signal, channel.index) for channel in evidence.channels if channel.run == place}
+    # an experiment is judged without orientations
+    wanted = {(c.signal, c.index) for c in evidence.channels if c.run == place and c.signal != "ee_rot"}
     for channel in evidence.channels:
         if (channel.signal, channel.index) not in wanted:
             continue

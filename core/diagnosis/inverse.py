@@ -43,6 +43,7 @@ class Said:
         tau_link: What the drives pass to the arms.
         q_link: Arm sides.
         ee: Tool centre point in the base; zeros where the run has none.
+        ee_rot: Rows of the tool's rotation matrix in the base, shape (m, 9); zeros where the run has none.
         u: What the controller asked for, as it would be reported; None where the run has no controller.
     """
 
@@ -50,6 +51,7 @@ class Said:
     tau_link: Vector
     q_link: Vector
     ee: Vector
+    ee_rot: Vector
     u: Vector | None
 
 
@@ -109,7 +111,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
             tau = tau - early * _slow(change, run)
     limits = tuple(stage.drive.torque_limit for stage in robot.stages)
     asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits)
-    return Said(tau + bias, passed, q[:, driven], moved.tool, None if asked is None else asked + bias)
+    return Said(tau + bias, passed, q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
 def _slow(values: Vector, run: Prepared) -> Vector:
@@ -130,6 +132,7 @@ class _Moved:
         load: Torque that moves the arms.
         slope: Change of the transmission error with the motor's angle.
         tool: Tool centre point in the base, shape (m, 3); zeros where the run has none.
+        turn: Rows of its rotation matrix, shape (m, 9); zeros where the run has none.
     """
 
     theta: Vector
@@ -139,6 +142,7 @@ class _Moved:
     load: Vector
     slope: Vector
     tool: Vector
+    turn: Vector
 
 
 def _bodies(robot: Robot) -> Robot:
@@ -181,10 +185,15 @@ def _moved(robot: Robot, run: Prepared) -> _Moved:
     for i in clamped:
         # what the arm weighs is the clamp's too; its drive has what the spring is wound up by
         load[:, i] = _wound(full.stages[i].drive, turned[:, i] - q[:, i], dturned[:, i])
-    tool = np.zeros((len(q), 3))
-    if "ee" in run.measured:
-        _compiled("points_along")(arms.table, np.array(full.tool_in_last_joint().xyz), q, tool)
-    return _Moved(theta, dtheta, q, dq, load, slope, tool)
+    tool, turn = np.zeros((len(q), 3)), np.zeros((len(q), 3, 3))
+    if "ee" in run.measured or "ee_rot" in run.measured:
+        frame = full.tool_in_last_joint().matrix()
+        _compiled("points_along")(arms.table, frame[:3, 3].copy(), q, tool)
+        for axis in range(3) if "ee_rot" in run.measured else ():
+            tip = np.empty_like(tool)
+            _compiled("points_along")(arms.table, frame[:3, 3] + frame[:3, axis], q, tip)
+            turn[:, :, axis] = tip - tool
+    return _Moved(theta, dtheta, q, dq, load, slope, tool, turn.reshape(-1, 9))
 
 
 def _at(t: float, theta: Vector, dtheta: Vector) -> Any:

@@ -17,7 +17,7 @@ from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .model import robot_of
-from .prepare import noise_in, prepared
+from .prepare import noise_in, prepared, small_turn
 from .resimulate import WINDOW, mode_of, settled, smoothed
 
 Vector = NDArray[np.float64]
@@ -256,7 +256,11 @@ def _add_start(robot: Robot, run: Run, sigma: dict[str, Vector], samples: dict[s
     speed = np.sqrt(np.mean([np.square((other.dq - grid.dq)[at]) for other in others], axis=(0, 1)))
     grown = np.sqrt(place**2 + speed**2 * WINDOW**2 / 3.0)
     through = kinematics(robot).jacobian(grid.q[:: max(1, len(grid.t) // 50)])
-    added = {"q": grown, "q_link": grown, "dq": speed}
+    if "q_link" in sigma:
+        # arms are held against their motors
+        sigma["q_link"] = np.hypot(sigma["q_link"], noise.sigma)
+        samples["q_link"] = np.minimum(samples["q_link"], samples["q"])
+    added = {"q": grown, "dq": speed}
     added["ee"] = np.sqrt(np.mean(np.sum(np.square(through[:, :3] * grown), axis=2), axis=0))
     added["ee_rot"] = np.sqrt(np.mean(np.sum(np.square(through[:, 3:] * grown), axis=2), axis=0))
     for name in (name for name in sigma if name in added):
@@ -288,7 +292,7 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
     tool, jacobian = chain.tool_and_jacobian(q)
     tools = [kinematics(other).tool_in_base(q) for other in variants]
     place = np.array([other[:, :3, 3] - tool[:, :3, 3] for other in tools])
-    turn = np.array([_small_turn(other[:, :3, :3] @ np.swapaxes(tool[:, :3, :3], -1, -2)) for other in tools])
+    turn = np.array([small_turn(other[:, :3, :3] @ np.swapaxes(tool[:, :3, :3], -1, -2)) for other in tools])
     way, rate = np.zeros_like(torque), np.zeros_like(torque)
     reported = torque
     mode = mode_of(run)
@@ -301,7 +305,13 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
         way, rate = _giving_way(arms.mass_matrix(q) + rotor, kp, kd, torque, h, every_window)
         reported = -(kp * way + kd * rate)
     moved = np.einsum("kij,pkj->pki", jacobian, way)
-    changes = {"q": way, "dq": rate, "q_link": way, "tau": reported, "tau_link": torque}
+    changes = {
+        "q": way,
+        "dq": rate,
+        "q_link": way if mode != "torque" else np.zeros_like(way),
+        "tau": reported,
+        "tau_link": torque,
+    }
     changes |= {"ee": place + moved[..., :3], "ee_rot": turn + moved[..., 3:]}
     return changes
 
@@ -341,14 +351,6 @@ def _giving_way(mass: Vector, kp: Vector, kd: Vector, torque: Vector, h: float, 
 def _solved(matrix: Vector, rows: Vector) -> Vector:
     """Solutions of matrix x = row, a row each, shape (p, n)."""
     return np.asarray(np.linalg.solve(matrix, rows.T).T, dtype=np.float64)
-
-
-def _small_turn(rotation: Vector) -> Vector:
-    """Rotation vectors of small turns (..., 3, 3), shape (..., 3) [rad]."""
-    r = rotation
-    return 0.5 * np.stack(
-        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1
-    )
 
 
 def perturbed(robot: Robot, tolerance: Tolerance) -> Iterator[Robot]:

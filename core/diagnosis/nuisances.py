@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 from ..build import assembled
 from ..database import Database, Tolerance
 from ..effects import EffectRow
-from .evidence import coefficients
+from .evidence import ahead, coefficients
 from .inverse import LIGHT
 from .model import Rows
 from .problem import Problem
 
 Vector = NDArray[np.float64]
 
+# one standard deviation of how long a torque is held, in ticks: another integrator's half is three of them, and a drive
+# that is a whole tick late is not to be taken for it
+HOLD = 0.15
 _NAMES = {"hold": "hold of the torque", "speed": "tick of the controller's speed"}
 
 
@@ -171,7 +174,7 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
                 rate = np.gradient(spoken[number].tau, run.h, axis=0)
                 for name in ("tau", "u"):
                     if name in change and run.run.control.mode in ("pd", "torque"):
-                        change[name] = rate * 0.5 / run.run.control.rate
+                        change[name] = rate * HOLD / run.run.control.rate
             elif signal == "speed":
                 if run.run.control.mode == "pd" and "u" in change:
                     change["u"] = np.array(run.run.control.kd) * run.ddq * 0.5 / run.run.control.rate
@@ -179,6 +182,9 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
                 rate = np.gradient(run.measured[signal], run.h, axis=0)
                 if signal in change:
                     change[signal] = rate * sample
+                if signal == "ee" and "ee_rot" in change:
+                    turn = run.measured["ee_rot"]
+                    change["ee_rot"] = ahead(turn + np.gradient(turn, axis=0), turn) * sample / run.h
             parts.append(coefficients(run, change, mask))
         column = evidence.weighed(parts)
         if np.any(column):

@@ -52,7 +52,9 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
-    limits: Vector = np.array([bounds_of(problem, *key) for key in fit.free], dtype=float)
+    limits: Vector = np.array(
+        [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)], dtype=float
+    )
     size = np.maximum(np.abs(start), sigma)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
     weight = 1.0 / np.maximum(LOOSE * sigma, 1e-3 * step)

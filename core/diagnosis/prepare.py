@@ -38,7 +38,8 @@ class Prepared:
         h: Their distance [s].
         band: What is compared lies below this frequency [Hz].
         q, dq, ddq: Reported motor motion, smoothed by a zero-phase Butterworth filter, shape (m, n).
-        measured: Signals as recorded, on the grid; holes are bridged, shape (m, n) or (m, 3).
+        measured: Signals as recorded, on the grid; holes are bridged, shape (m, n) or (m, 3); ee_rot: rows of the
+            rotation matrix, shape (m, 9).
         missing: Where they were bridged, or are no data, shape as measured.
         edge: Samples at either end where the smoothing does not hold.
     """
@@ -90,7 +91,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     Args:
         run: As read.
         band: Frequency below which runs are compared [Hz]; None: from the run.
-        disturbed: Signals to which something is added first: name -> what, shapes as in the run (for noise).
+        disturbed: Signals to which something is added first: name -> what, shapes as in the run (for noise); ee_rot:
+            small turns about the base's axes, shape (m, 3).
     """
     interpolate: Any = import_module("scipy.interpolate")
     signal: Any = import_module("scipy.signal")
@@ -102,13 +104,16 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     corner = min(width / KEPT, 0.45 * run.rate)
     sos = signal.butter(ORDER, corner, fs=run.rate, output="sos")
     signals = dict(run.signals)
+    if "ee_rot" in signals:
+        signals["ee_rot"] = turned(signals["ee_rot"], (disturbed or {}).get("ee_rot"))
     for name, extra in (disturbed or {}).items():
-        signals[name] = signals[name] + extra
+        if name != "ee_rot":
+            signals[name] = signals[name] + extra
     measured: dict[str, Vector] = {}
     missing: dict[str, Mask] = {}
     motion: list[Vector] = []
     for name, values in signals.items():
-        if name in ("ee_rot", "dq", "dq_cmd", "ddq_cmd", "q_cmd"):
+        if name in ("dq", "dq_cmd", "ddq_cmd", "q_cmd"):
             continue
         whole, hole = _on(fine, run, values)
         smooth = np.asarray(signal.sosfiltfilt(sos, whole, axis=0)) if name != "tau_cmd" else whole
@@ -119,6 +124,28 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     edge = int(np.ceil(EDGE / corner / (t[1] - t[0])))
     q, dq, ddq = motion
     return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge)
+
+
+def turned(quaternions: Vector, by: Vector | None) -> Vector:
+    """Rotation matrices of w, x, y, z (m, 4), row after row, turned by small angles (m, 3) [rad], shape (m, 9)."""
+    rotation: Any = import_module("scipy.spatial.transform").Rotation
+
+    out = np.full((len(quaternions), 9), np.nan)
+    known = np.isfinite(quaternions).all(axis=1)
+    if known.any():
+        there = rotation.from_quat(quaternions[known][:, [1, 2, 3, 0]])
+        if by is not None:
+            there = rotation.from_rotvec(by[known]) * there
+        out[known] = there.as_matrix().reshape(-1, 9)
+    return out
+
+
+def small_turn(rotation: Vector) -> Vector:
+    """Rotation vectors of small turns (..., 3, 3), shape (..., 3) [rad]."""
+    r = rotation
+    return 0.5 * np.stack(
+        [r[..., 2, 1] - r[..., 1, 2], r[..., 0, 2] - r[..., 2, 0], r[..., 1, 0] - r[..., 0, 1]], axis=-1
+    )
 
 
 def _on(grid: Vector, run: Run, values: Vector) -> tuple[Vector, Mask]:

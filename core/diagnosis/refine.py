@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,10 @@ _FACTORS = (("controller_gain", "kp"), ("controller_gain", "kd"), ("torque_const
 MOST_TIMES = 20.0
 # of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
 SLOWEST = 2.0
+# part of a tick at either end of it that a delay keeps from
+EDGE = 0.005
+# and where it begins in the next; how far it goes so, as long as so much of the sum of squares goes each time
+BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
 
@@ -109,7 +113,36 @@ def free_columns(effect: str, row: EffectRow) -> list[str]:
 
 
 def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: Sequence[Part]) -> Refined:
-    """Fit all numbers of these findings, from where they are."""
+    """Fit all numbers of these findings, from where they are; a delay may go on to the next tick."""
+    best = _within(problem, whiten, found, parts)
+    late = next((item for item in found if item.effect == "delay"), None)
+    for _ in range(MOST_TICKS):
+        there = _beyond(problem, best.rows[late.key]) if late else None
+        if there is None:
+            break
+        moved = [replace(item, row=there if item is late else best.rows[item.key]) for item in found]
+        other = _within(problem, whiten, moved, parts)
+        if best.left @ best.left - other.left @ other.left < BETTER:
+            break
+        best = other
+    return best
+
+
+def _beyond(problem: Problem, delay: EffectRow) -> EffectRow | None:
+    """A delay on the other side of the edge of a tick that it has come to; None where it has come to none."""
+    tick = _tick(problem)
+    number, part = divmod(delay.values["time"] / tick, 1.0)
+    if min(part, 1.0 - part) > 2.0 * EDGE:
+        return None
+    time = (number + 1.0 + BEYOND if part > 0.5 else number - BEYOND) * tick
+    return EffectRow(delay.at, {**delay.values, "time": time}) if time > 0.0 else None
+
+
+def _tick(problem: Problem) -> float:
+    return 1.0 / min(run.run.control.rate for run in problem.evidence.runs)
+
+
+def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: Sequence[Part]) -> Refined:
     optimize: Any = import_module("scipy.optimize")
 
     undamped = all(not run.run.control.kd or not any(run.run.control.kd) for run in problem.evidence.runs)
@@ -121,7 +154,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     )
     start = np.array([_row(found, effect, at).values[name] for effect, at, name in free])
     size = np.array([_size(_row(found, effect, at), effect, name) for effect, at, name in free])
-    bounds = [bounds_of(problem, effect, at, name) for effect, at, name in free]
+    bounds = [bounds_of(problem, *key, value) for key, value in zip(free, start.tolist(), strict=True)]
     low = np.array([b[0] for b in bounds]) / size
     high = np.array([b[1] for b in bounds]) / size
 
@@ -152,7 +185,7 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
             diff_step=1e-3,
             max_nfev=_EVALUATIONS,
             xtol=1e-6,
-            ftol=1e-8,
+            ftol=1e-7,
             args=(sigma,),
         )
         x = np.asarray(solution.x)
@@ -177,9 +210,17 @@ def _size(row: EffectRow, effect: str, name: str) -> float:
     return max(value, 0.1 * max(same, default=0.0), 1e-9)
 
 
-def bounds_of(problem: Problem, effect: str, at: int, name: str) -> tuple[float, float]:
-    """Least and largest value of a number."""
+def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float) -> tuple[float, float]:
+    """Least and largest value of a number, and of a delay those within the tick in which it starts.
+
+    Where a delay becomes another whole number of ticks, what is reported jumps.
+    """
     low, high = _range(effect, name)
+    if effect == "delay":
+        tick = _tick(problem)
+        number = np.floor(start / tick)
+        # differences are taken upwards
+        low, high = max(low, (number + EDGE) * tick), (number + 1.0 - EDGE) * tick
     if (effect, name) == ("stribeck_friction", "velocity"):
         # slower than that a joint counts as standing
         low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))

@@ -151,13 +151,18 @@ def _loose(grid: Prepared, times: Vector) -> NDArray[np.bool_]:
 
 
 def residuals(run: Run, simulated: Mapping[str, Vector]) -> dict[str, Vector]:
-    """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad]."""
+    """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad].
+
+    Mode torque: arms are held against their motors, for both drift away together.
+    """
     left: dict[str, Vector] = {}
     for name, measured in compared(run).items():
         if name == "ee_rot":
             left[name] = _turn(measured, simulated[name])
         elif name in simulated:
             left[name] = measured - simulated[name]
+    if mode_of(run) == "torque" and {"q", "q_link"} <= left.keys():
+        left["q_link"] = left["q_link"] - left["q"]
     return left
 
 

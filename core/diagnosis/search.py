@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
-from .fit import Linear, Part, blocks, linear, spread
+from .fit import Linear, Part, blocks, gained, linear, spread
 from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of
 from .model import Rows, merged
 from .nuisances import Whitening
@@ -49,6 +49,8 @@ CLOSE = 0.6
 DEARER = 0.1
 # names that are tried in the place of several
 MOST_CONDENSED = 4
+# picks in a row that may come to nothing once all their numbers are free
+MOST_FAILED = 3
 # curved findings with so much evidence need not be taken out on trial
 BEYOND_DOUBT = 100.0
 
@@ -177,9 +179,10 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
     problem, whiten = state.problem, state.whiten
     parts = blocks(problem.evidence)
     most = 3 * problem.database.n + MORE_THAN_USUAL
+    failed: list[set[tuple[str, int]]] = []
     while len(state.found) < most:
         before = list(state.found)
-        picked = _picked(state, parts, most - len(before))
+        picked = _picked(state, parts, most - len(before), sorted(set[tuple[str, int]]().union(*failed)))
         if not picked:
             break
         if tell:
@@ -198,11 +201,13 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
                 state.begin()
             continue
         sigma = spread(fit.left, parts)
-        if 0.5 * (_energy(state.left / sigma) - _energy(fit.left / sigma)) < THRESHOLD:
-            break
-        prune(state, trial, fit, parts)
+        if gained(state.left, fit.left, sigma, parts) >= THRESHOLD:
+            prune(state, trial, fit, parts)
         if {item.key for item in state.found} <= {item.key for item in before}:
-            break
+            # what seemed best to its signature alone must not stand in the way of others
+            failed.append({item.key for item in picked})
+            if len(failed) == MOST_FAILED:
+                break
     _condense(state, parts)
     return state
 
@@ -258,9 +263,9 @@ def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, 
     return {key for key, row in numbers.items() if row["torque"] > row["stiffness"] * float(way[key[1] - 1])}
 
 
-def _picked(state: Search, parts: Sequence[Part], room: int) -> list[Found]:
+def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tuple[str, int]]) -> list[Found]:
     """Causes that earn their place beside what was found and beside each other, by their signatures."""
-    fits = _fits(state)
+    fits = _fits(state, skip)
     left, basis = state.left, state.slope
     picked: list[Found] = []
     while len(picked) < room:
@@ -352,12 +357,13 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
     # what is left by the best so far tells what misfit is to be expected; a second round settles it
     for _ in range(2):
         frame = np.linalg.qr(basis / sigma[:, None])[0] if basis.shape[1] else None
-        null = _energy(_beside(left / sigma, frame))
+        null = _beside(left / sigma, frame) * sigma
         order = []
         for hypothesis, r0, slope in fits:
             beside = _beside(slope / sigma[:, None], frame)
             fit = linear(_beside(r0 / sigma, frame), beside, hypothesis.scale, hypothesis.lower)
-            gain = 0.5 * (null - fit.cost) - fit.volume
+            prior = 0.5 * (fit.cost - _energy(fit.left))
+            gain = gained(null, fit.left * sigma, sigma, parts) - prior - fit.volume
             shows = float(np.linalg.norm(slope * hypothesis.scale))
             order.append((gain, hypothesis, fit, fit.left * sigma, shows))
         order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
@@ -429,9 +435,13 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
         return None
     least = min((fit.left for _, _, fit in tried.values()), key=_energy)
     sigma = spread(least, parts)
-    null = _energy(state.left / sigma)
     scored = [
-        (0.5 * (null - _energy(fit.left / sigma)) - 2.0 * len(contender.beta), contender, item, fit)
+        (
+            gained(state.left, fit.left, sigma, parts) - 2.0 * len(contender.beta),
+            contender,
+            item,
+            fit,
+        )
         for contender, item, fit in tried.values()
     ]
     earning = [entry for entry in scored if entry[0] >= THRESHOLD]
@@ -518,7 +528,7 @@ def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> fl
     others = [other for other in state.found if other is not item]
     rest = refined(state.problem, state.whiten, others, parts).left if others else _nothing(state)
     sigma = spread(fit.left, parts)
-    loss = 0.5 * (_energy(rest / sigma) - _energy(fit.left / sigma)) - price
+    loss = gained(rest, fit.left, sigma, parts) - price
     return loss if math.isfinite(loss) else 0.0
 
 

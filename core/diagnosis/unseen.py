@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from ..recording import Run
-from .fit import Part, blocks, spread
+from .fit import Part, blocks, gained, spread
 from .nuisances import Whitening
 from .problem import FAR, Problem
 from .refine import Refined, refined, removal
@@ -114,9 +114,32 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 # or where no such robot can be with the others as they would move
                 refit = seen.fit(others).rows
                 rest = unseen.left([replace(other, row=refit[other.key]) for other in others])
-            gains[k] += 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2))
+            gains[k] += gained(rest, left, sigma, unseen.parts)
             shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
     return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
+
+
+def fall_short(
+    problem: Problem, whiten: Whitening, named: Sequence[Sequence[Found]], ways: Sequence[Split]
+) -> tuple[float, ...]:
+    """Log evidence by which sets of findings fall short of the best of them on runs that no fit saw.
+
+    Args:
+        problem: All runs.
+        whiten: Nuisances of all runs.
+        named: Sets, each with where to start.
+        ways: The splits.
+    """
+    short = np.zeros(len(named))
+    for way in ways:
+        seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
+        left: list[Vector] = []
+        for found in named:
+            rows = seen.fit(found).rows
+            left.append(unseen.left([replace(item, row=rows[item.key]) for item in found]))
+        sigma = spread(min(left, key=lambda one: float(one @ one)), unseen.parts)
+        short += [gained(one, left[0], sigma, unseen.parts) for one in left]
+    return tuple((short - short.min()).tolist())
 
 
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:

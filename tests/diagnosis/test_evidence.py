@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pendulums import KD, KP, command, pendulum_run
+from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
+from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.kinematics import kinematics
 
 DATABASE = load("pendulum")
 
@@ -65,3 +68,27 @@ def test_a_delay_is_found_to_a_part_of_a_tick():
     found = search(state).found
     assert [item.effect for item in found] == ["delay"]
     assert found[0].row.values["time"] == pytest.approx(late, abs=6e-4)
+
+
+def test_where_the_tool_points_is_compared():
+    """An axis that leans turns the tool and moves it nowhere: positions alone would not see it."""
+    run = pendulum_run("motion")
+    half = 0.5 * command(run.t)[0]
+    # the built-in pendulum's tool in its base, by its own frames
+    base = kinematics(robot_of(DATABASE, "rigid", run)).tool_in_base(np.zeros((1, 1)))[0, :3, :3]
+    random = np.random.default_rng(3)
+    axis = kinematics(robot_of(DATABASE, "rigid", run)).joints_in_base(np.zeros((1, 1)))[0, 0, :3, 2]
+    swung = Rotation.from_rotvec(np.outer(2.0 * half, axis)) * Rotation.from_matrix(base)
+
+    def left(lean):
+        turn = Rotation.from_rotvec(random.normal(size=(len(run.t), 3)) * 1e-4) * Rotation.from_rotvec(lean) * swung
+        signals = run.signals | {"ee_rot": np.roll(turn.as_quat(), 1, axis=1)}
+        asked = problem(
+            DATABASE, "rigid", [replace(run, signals=signals, noise=run.noise | {"ee_rot": np.array([1e-4])})]
+        )
+        rest = asked.residual({})
+        return [float(np.mean(rest[c.first : c.last] ** 2)) for c in asked.evidence.channels if c.signal == "ee_rot"]
+
+    assert len(left(np.zeros(3))) == 3
+    assert max(left(np.zeros(3))) < 2.0
+    assert max(left(np.array([1e-3, 0.0, 0.0]))) > 50.0

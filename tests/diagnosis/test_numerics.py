@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pendulums import KD, KP, NOISE, command, pendulum_run
 
+import mbexport
 from mbexport.core.database import load
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
@@ -60,3 +63,13 @@ def test_a_smooth_run_is_neither_its_step_nor_its_hold():
     # the hold of one tick moves what a millisecond's lag of the damping moves, above nothing
     assert 0.0 < found.hold_error["q"][0] < 50.0 * NOISE["q"]
     assert len(found.notes) == 2
+
+
+def test_a_gap_that_goes_with_the_hold_is_numerics():
+    """The log says that a torque is held for 4 ms, it was held for one."""
+    runs = [pendulum_run("pd", seed=seed) for seed in (1, 2)]
+    runs = [replace(run, control=replace(run.control, rate=250.0)) for run in runs]
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    assert answer.verdict == "no_gap"
+    assert answer.which == ()
+    assert any("without a hold" in note for note in answer.notes)

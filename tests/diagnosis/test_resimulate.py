@@ -11,6 +11,7 @@ from pendulums import CENTER, INERTIA, MASS, NOISE, WEIGHT, pendulum_run
 
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.resimulate import compared, residuals, resimulated, start_of
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import UsageError
@@ -68,6 +69,20 @@ def test_torque_alone_is_followed_in_windows():
     assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
     heavy = robot(run, payload=[EffectRow(0, FrozenMap(_body(0.3)))])
     assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"))["q"]) > 100.0 * NOISE["q"]
+
+
+def test_under_torque_alone_arms_are_held_against_their_motors():
+    """Both drift away from the start that is not quite known; their difference does not."""
+    run = pendulum_run("torque", rate=1000.0)
+    random = np.random.default_rng(7)
+    gives = 3.0e-4 * np.sin(5.0 * run.t)[:, None]
+    for away, least, most in ((0.0 * gives, 0.9, 1.1), (gives, 5.0, 20.0)):
+        arm = run.signals["q"] + away + NOISE["q"] * random.normal(size=run.signals["q"].shape)
+        both = replace(run, signals=run.signals | {"q_link": arm}, noise=run.noise | {"q_link": np.array([NOISE["q"]])})
+        left = residuals(both, resimulated(robot(both), robot(both), both, "mjcf"))["q_link"]
+        floor = noise_floor(DATABASE, "rigid", both).sigma["q_link"][0]
+        assert floor < 2.0 * NOISE["q"]
+        assert least < rms(left) / NOISE["q"] < most
 
 
 def test_unknown_control_compares_torques_behind_one_filter():

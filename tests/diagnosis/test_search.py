@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
-from mbexport.core.diagnosis.fit import blocks, spread
+from mbexport.core.diagnosis.fit import Part, blocks, gained, spread
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined, removal
 from mbexport.core.diagnosis.search import Found, Search, rows_of, search, without_bodies
 from mbexport.core.effects import EffectRow, effect_named
 
-from .pendulums import pendulum_run
+from .pendulums import KD, KP, command, pendulum_run
 
 COLUMNS = [column.name for column in effect_named("link_inertia").columns]
 
@@ -83,3 +83,36 @@ def test_a_body_that_cannot_be_is_no_finding():
     assert without_bodies(asked, [Found("link_inertia", 1, hollow, 50.0)]) == {("link_inertia", 1)}
     heavier = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.1})
     assert without_bodies(asked, [Found("link_inertia", 1, heavier, 50.0)]) == set()
+
+
+def test_below_noise_nothing_is_gained():
+    random = np.random.default_rng(0)
+    noise, parts = random.normal(size=400), [Part(0, 400, 0, 400)]
+    one = np.ones(400)
+    # half of the noise is gone, as when a gain is turned down
+    assert gained(noise, 0.5 * noise, one, parts) < 30.0
+    assert 0.5 * (noise @ noise - 0.25 * noise @ noise) > 100.0
+    # a gap that goes down to the noise counts in full
+    assert gained(3.0 * noise, noise, one, parts) == pytest.approx(4.0 * noise @ noise)
+    assert gained(noise, 3.0 * noise, one, parts) == -gained(3.0 * noise, noise, one, parts)
+
+
+def test_a_delay_is_fitted_across_the_edge_of_a_tick():
+    past: dict[int, float] = {}
+    late = 0.0052
+
+    def late_torque(t, q, dq):
+        """What takes the torque away that is held now and gives the one of a while ago instead."""
+        tick = int(t * 1000.0 + 1.0e-6)
+        wanted = command(tick / 1000.0)
+        past.setdefault(tick, KP * (float(wanted[0]) - q) + KD * (float(wanted[1]) - dq))
+        return past[tick] - past.get(int(np.floor((t - late) * 1000.0 + 1.0e-6)), past[0])
+
+    run = pendulum_run(against=late_torque)
+    # its torque is the controller's, not what acted
+    asked = problem(
+        load("pendulum"), "rigid", [replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"})]
+    )
+    start = Found("delay", 0, EffectRow(0, {"time": 0.0035}), 0.0)
+    fit = refined(asked, whitening(asked), [start], blocks(asked.evidence))
+    assert fit.rows["delay", 0].values["time"] == pytest.approx(late, abs=8e-4)
