@@ -19,6 +19,8 @@ Vector = NDArray[np.float64]
 BANDS = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0, np.inf)
 # of the power of what is not understood in a channel, this part may be in any of its bands
 LEAK = 0.2
+# of the largest curvature, what round-off leaves of none
+SHARED = 1.0e-12
 # standard deviations below what noise leaves of a channel from which less is no better
 CHANCE = 2.0
 
@@ -52,7 +54,9 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
     optimize: Any = import_module("scipy.optimize")
 
     scaled = slope * scale
-    gram = scaled.T @ scaled + np.eye(len(scale))
+    gram = scaled.T @ scaled
+    # where noise is next to nothing, directions that two numbers share are told by the prior alone
+    gram = gram + np.eye(len(scale)) * (1.0 + SHARED * float(np.diagonal(gram).max()))
     moment = scaled.T @ r0
     x = -np.linalg.solve(gram, moment)
     least = lower / scale

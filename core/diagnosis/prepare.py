@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import import_module
 from typing import Any
@@ -22,6 +22,9 @@ KEPT = 0.6
 LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
 # a motion is told from its sensor's noise where its spectrum stands so far above it
 ABOVE_NOISE = 10.0
+# noise that is there at least, as part of a signal [rad of orientations]: commands are interpolated between rows, which
+# accelerations and so torques feel; and of the busiest channel's signal, what an idle one counts with
+QUIETEST, QUIETEST_TORQUE, IDLE = 1.0e-6, 1.0e-4, 1.0e-3
 ORDER = 4
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
 # positions do
@@ -58,8 +61,14 @@ class Prepared:
 
 @lru_cache(maxsize=256)
 def noise_in(run: Run, signal: str) -> ChannelNoise:
-    """`noise_of`, once a run and signal."""
-    return noise_of(run, signal)
+    """`noise_of`, once a run and signal; at least what numbers that a simulation wrote are good for."""
+    noise = noise_of(run, signal)
+    if signal == "ee_rot":
+        return replace(noise, sigma=np.maximum(noise.sigma, QUIETEST))
+    values = run.signals[signal]
+    size = np.sqrt(np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1))
+    part = QUIETEST_TORQUE if signal.startswith("tau") else QUIETEST
+    return replace(noise, sigma=np.maximum(noise.sigma, part * np.maximum(size, IDLE * size.max(initial=0.0))))
 
 
 def band_of(run: Run) -> float:

@@ -27,6 +27,8 @@ MOST_FOLDS = 4
 EARNS = 3.0
 # what a law of another form than the real one leaves of a signal's gap: less of it is no second cause
 OTHER_FORM = 0.05
+# mean squares in units of noise: of a channel that is closed, and of what goes there, which is most of what was left
+CLOSED, CLEARLY, MOSTLY = 1.5, 3.0, 0.8
 # a change of what is said, in standard deviations of everything together, that counts as nothing
 NOTHING = 3.0
 
@@ -46,7 +48,8 @@ class Unseen:
     Attributes:
         gains: Log evidence that each finding earns there, beside the others.
         moves: By how many standard deviations each changes what is said there.
-        shares: What part of a channel's gap each takes away there, of the channel of which it takes most.
+        shares: What part of a channel's gap each takes away there, of the channel of which it takes most; 1 where it is
+            what closes one.
         rows: For each split, the rows that were fitted without its unseen runs.
     """
 
@@ -115,7 +118,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 refit = seen.fit(others).rows
                 rest = unseen.left([replace(other, row=refit[other.key]) for other in others])
             gains[k] += gained(rest, left, sigma, unseen.parts)
-            shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
+            closes = _closes(rest, left, unseen.parts)
+            shares[k] = max(shares[k], 1.0 if closes else _share(nothing, rest, left, unseen.parts))
     return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
 
 
@@ -151,6 +155,15 @@ def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -
         if less > 2.0 * EARNS and gap > 0.0:
             taken = max(taken, less / gap)
     return taken
+
+
+def _closes(rest: Vector, left: Vector, parts: Sequence[Part]) -> bool:
+    """Whether a channel that others leave well above noise goes down to it: what another form leaves no law closes."""
+    for begin, end in sorted({(part.begin, part.end) for part in parts}):
+        before, after = float(np.mean(rest[begin:end] ** 2)), float(np.mean(left[begin:end] ** 2))
+        if after < CLOSED and before - after > CLEARLY and before - after > MOSTLY * (before - 1.0):
+            return True
+    return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -195,5 +195,14 @@ def _signals(channels: Mapping[str, Vector], n: int) -> dict[str, Vector]:
     if all(name in channels for name in TURN_SIGNALS):
         quaternion = np.column_stack([channels[name] for name in TURN_SIGNALS])
         length = np.linalg.norm(quaternion, axis=1)
-        signals["ee_rot"] = quaternion / np.where(length > 0.0, length, math.nan)[:, None]
+        signals["ee_rot"] = _one_way_round(quaternion / np.where(length > 0.0, length, math.nan)[:, None])
     return signals
+
+
+def _one_way_round(quaternions: Vector) -> Vector:
+    """Unit quaternions (m, 4) with the sign of those before them; both are one rotation, and a jump would be noise."""
+    out = quaternions.copy()
+    known = np.flatnonzero(np.isfinite(out).all(axis=1))
+    turns = np.sum(out[known[1:]] * out[known[:-1]], axis=1) < 0.0
+    out[known[1:]] *= np.cumprod(np.where(turns, -1.0, 1.0))[:, None]
+    return out

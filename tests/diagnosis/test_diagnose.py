@@ -1,6 +1,7 @@
 """The whole diagnosis: on a pendulum that nothing of the package moves."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,15 @@ def test_a_missing_friction_is_named_measured_and_shown_to_close_the_gap():
     json.dumps(answer.to_json(), allow_nan=False)
     corrected = answer.corrected.effects["viscous_friction"]
     assert corrected[0].values["coefficient"] == found.parameters["coefficient"].value
+
+
+@pytest.mark.parametrize(("against", "found"), [(None, []), (lambda t, q, dq: 0.4 * dq, ["viscous_friction"])])
+def test_runs_without_any_noise_are_no_trap(against, found):
+    """As a simulation writes them: nothing is a gap that interpolating its rows makes."""
+    clean = [replace(run, noise={}) for run in runs(against, noise={"q": 0.0, "tau": 0.0}, rate=1000.0)]
+    answer = mbexport.diagnose("pendulum", clean, level="rigid", backends=[])
+    assert [item.effect for item in answer.which] == found
+    assert answer.verdict in (("no_gap",) if against is None else ("explained", "partly_explained"))
 
 
 def test_what_is_in_no_catalogue_is_not_explained():
