@@ -36,6 +36,8 @@ EARLY = 0.05
 ON_CLOCK = 1.0e-7
 # a record between whose samples is interpolated
 FINE_RATE = 1000.0
+# what is near the turn of a given motion [s]
+TURN = 0.004
 # the first part of a run that tells whether it began at rest: seconds, and samples at least
 BEGINNING, FEWEST = 0.02, 8
 # what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
@@ -113,15 +115,23 @@ def mode_of(run: Run) -> str:
 def compared(run: Run) -> dict[str, Vector]:
     """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
 
-    In mode unknown that is torque alone, behind the filter that the motion was smoothed with.
+    In mode unknown that is torque alone, behind the filter that the motion was smoothed with. Where a motion is given,
+    a joint's torque at the turn of its way is not compared: which sample friction changes its sign at nobody knows.
     """
+    if mode_of(run) == "motion":
+        turns = _loose(smoothed(run), run.t, TURN)
+        return {
+            name: np.where(turns, np.nan, run.signals[name]) if name in ("tau", "tau_link") else run.signals[name]
+            for name in MEASURED
+            if run.has(name)
+        }
     if mode_of(run) != "unknown":
         return {name: run.signals[name] for name in MEASURED if run.has(name)}
     grid = smoothed(run)
     found: dict[str, Vector] = {}
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
-    loose = np.zeros(run.signals["q"].shape, dtype=bool) if run.locked else _loose(grid, run.t)
+    loose = np.zeros(run.signals["q"].shape, dtype=bool) if run.locked else _loose(grid, run.t, 0.5 / grid.band)
     for name in ("tau", "tau_link"):
         if run.has(name):
             values = _between(grid.t, grid.measured[name], run.t)
@@ -135,16 +145,21 @@ def compared(run: Run) -> dict[str, Vector]:
     return found
 
 
-def _loose(grid: Prepared, times: Vector) -> NDArray[np.bool_]:
+def _loose(grid: Prepared, times: Vector, reach: float) -> NDArray[np.bool_]:
     """Where joints (nearly) stand, so that friction is between its levels and no motion tells it, shape (k, n).
 
     A joint that stands most of the time still shows its load.
+
+    Args:
+        grid: The motion.
+        times: At which to tell [s], shape (k,).
+        reach: What is near it, before and after [s].
     """
     ndimage: Any = import_module("scipy.ndimage")
 
     stands = np.abs(grid.dq) < creep_of(grid)
     stands |= np.vstack([np.zeros((1, stands.shape[1]), dtype=bool), np.diff(np.signbit(grid.dq), axis=0)])
-    width = 2 * int(np.ceil(0.5 / (grid.band * grid.h))) + 1
+    width = 2 * int(np.ceil(reach / grid.h)) + 1
     near = np.asarray(ndimage.binary_dilation(stands, np.ones((width, 1), dtype=bool)))
     near &= stands.mean(axis=0) < 0.7
     return near[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
