@@ -31,50 +31,37 @@ from .diagnosis import (
     Score,
     Unexplained,
     Verdict,
-    Where,
 )
 from .experiment import Experiment, design
-from .fit import Part, blocks
-from .how_far import Fold, how_far, name_of
+from .fit import blocks
+from .gap import LEVEL, Gap, gap_of, shows
+from .held import HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
-from .noise import Noise, loudest, noise_floor, significance
-from .nuisances import Whitening, whitening
+from .noise import noise_floor
+from .nuisances import whitening
 from .numerics import hold_said, numerics, shift_of, shift_said, unshifted, without_hold
 from .polish import polished
-from .problem import Problem, problem
+from .problem import problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
-from .search import ALIKE, THRESHOLD, Contender, Found, Search, gives_alone, place_of, rows_of, search, without_bodies
-from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, in_parts, judged, splits
-from .where import where
+from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
+from .unseen import NOTHING, in_parts, splits
 from .words import variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-# how rarely a perfect model may be called wrong
-LEVEL = 0.01
-# what is left of a gap by numbers that are as good as runs of seconds make them, as part of it
-EXACT = 0.01
 # part of the loudest channel's mean square that a hold must change to be suspected, and that is left where it was that
 HOLD, NUMERICAL = 0.2, 0.1
-# mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
-SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
-UNREAL = "needs a body that cannot exist"
 STUCK = "would never slip on these runs: a spring says the same"
-GONE = "no gain on held-out data"
-CRUMB = "no more than what is left where a law has another form"
 NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
     "that is what holds, stamps, tolerances and noise in the loop do, and no physics."
 )
-WILD = "no engine can simulate the robot with it under this controller"
 # how often evidence beyond doubt is of something else: in 4 of 63 findings on the blind bank, on its set for tuning
 ELSEWHERE = 0.06
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
-# by how much a finding must make the gap of unseen runs shrink, as part of the gap before
-HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 
 
 def diagnose(
@@ -124,64 +111,6 @@ def _telling(progress: bool) -> Generator[Tell]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Gap:
-    """Measured minus simulated of all runs, and how surely that is more than noise.
-
-    Attributes:
-        where: The gap's places.
-        chance: Probability that a perfect model would leave as much.
-        loudest: Largest mean square of a channel in units of noise.
-    """
-
-    where: Where
-    chance: float
-    loudest: float
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether a perfect model might leave it: by chance, or because no noise is known that well."""
-        return self.chance >= LEVEL or self.loudest <= SHOWS
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Held:
-    """What holds on runs that no fit saw.
-
-    Attributes:
-        found: Findings.
-        unseen: What they are worth there.
-        dropped: Those that do not hold.
-        failed: Effects and places of those whose evidence does not hold, or whose body cannot be.
-        how_far: How far the gap shrinks there.
-        overlays: Its curves.
-        after: The gap that is left; None where nothing was found.
-    """
-
-    found: tuple[Found, ...]
-    unseen: Unseen
-    dropped: tuple[Rejected, ...]
-    failed: set[tuple[str, str]]
-    how_far: HowFar
-    overlays: tuple[Overlay, ...]
-    after: _Gap | None
-
-    @property
-    def by(self) -> float:
-        """How far the gap shrinks."""
-        return (self.how_far.shrinks_by or 0.0) if self.found else 0.0
-
-    @property
-    def explains(self) -> bool:
-        """Whether what is left is no more than noise."""
-        return self.after is not None and self.after.is_noise
-
-    def dropped_but(self, other: _Held) -> tuple[Rejected, ...]:
-        """Those dropped here that another set of findings neither has nor drops."""
-        said = {(item.effect, item.place) for item in other.found} | {(r.effect, r.at) for r in other.dropped}
-        return tuple(item for item in self.dropped if (item.effect, item.at) not in said)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
 
@@ -195,71 +124,39 @@ class _Diagnosing:
         """The answer."""
         given = [*runs, *holdout]
         notes: list[str] = []
-        parts = in_parts(runs[0]) if len(given) == 1 else tuple(given)
-        held_by = self._numerics(parts[0], notes)
-        ready: Sequence[Run] = [self._in_time(run, notes) for run in parts]
-        ways = splits(len(ready), len(holdout))
-        self.tell("where the gap lies")
-        before = self._gap(ready)
-        if not before.is_noise and held_by > HOLD * before.loudest:
-            ready, before = self._without_hold(ready, before, notes)
+        ready, before = self._ready(in_parts(runs[0]) if len(given) == 1 else tuple(given), notes)
         self.tell("what noise and tolerances may do")
         whole = problem(self.database, self.level, ready)
         whiten = whitening(whole)
+        ways = splits(len(ready), len(holdout))
+        judge = Judge(self.database, self.level, self.backend, self.backends, self.tell, whole, whiten, ways, ready)
         fitted_on = ways[0].seen if holdout else tuple(range(len(ready)))
         seen, seen_whiten = whole.only(fitted_on), whiten.only(whole.evidence.places(fitted_on))
         state = Search(seen, seen_whiten)
         state.begin()
-        if before.chance < LEVEL:
-            state = search(state, self._found_so_far)
-        held = self._held(whole, whiten, state, ways, ready)
-        if held.failed and not held.explains:
-            # what holds on the runs that were fitted alone may stand in the way of what holds everywhere
-            other = search(state.without(held.failed), self._found_so_far)
-            again = self._held(whole, whiten, other, ways, ready)
-            if again.by > held.by + HELPS:
-                state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
-        found, unseen, dropped = held.found, held.unseen, held.dropped
-        how_far, overlays, after = held.how_far, held.overlays, held.after
-        fit = refined(seen, seen_whiten, found, blocks(seen.evidence)) if found else None
-        names = [self._alike(state, found, fit, item) for item in found if fit is not None]
-        names, better = self._told_apart(whole, whiten, found, names, ways)
-        if better is not None:
-            again = self._held(whole, whiten, replace(state, found=list(better)), ways, ready)
-            if again.by > held.by:
-                held, found, unseen, dropped = again, again.found, again.unseen, again.dropped
-                how_far, overlays, after = held.how_far, held.overlays, held.after
-                fit = refined(seen, seen_whiten, found, blocks(seen.evidence))
-                names = [self._alike(state, found, fit, item) for item in found]
-                names, _ = self._told_apart(whole, whiten, found, names, ways)
+        state, held = self._found(state, judge, looking=before.chance < LEVEL)
+        held, fit, names = self._named(state, judge, held)
         if fit is not None:
-            found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
-            closer = self._closer(whole, whiten, held, ways, ready)
-            if closer is not None:
-                numbers, how_far, overlays, after = closer
-                if not holdout:
-                    # every run judged once; the last numbers may see them all
-                    numbers = [polished(seen, self.level, ready, fit, self.backend) or fit]
-                fit = numbers[0]
-                found = tuple(replace(item, row=fit.rows[item.key]) for item in found)
-        experiment = self._next(state, found, names)
-        seen_too = _shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
-        if not found and not before.is_noise and not seen_too:
+            held, fit = self._in_line(state, judge, held, fit, every=not holdout)
+        experiment = self._next(state, held.found, names)
+        seen_too = shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
+        if not held.found and not before.is_noise and not seen_too:
             notes.append(NO_PHYSICS)
-        verdict = _verdict(found, not before.is_noise and seen_too, after is not None and not after.is_noise)
-        effects = rows_of(found)
+        after = held.after
+        verdict = _verdict(held.found, not before.is_noise and seen_too, after is not None and not after.is_noise)
+        effects = rows_of(held.found)
         return Diagnosis(
             robot=self.database.name,
             verdict=verdict,
             where=before.where,
             which=tuple(
                 _finding(item, self._kind(item), gain, fit, others)
-                for item, gain, others in zip(found, unseen.gains, names, strict=True)
+                for item, gain, others in zip(held.found, held.unseen.gains, names, strict=True)
                 if fit is not None
             ),
-            rejected=(*dropped, *_rejected(state, found, dropped, names)),
-            how_far=how_far,
-            unexplained=_unexplained(verdict, before, after or before, how_far),
+            rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
+            how_far=held.how_far,
+            unexplained=_unexplained(verdict, before, after or before, held.how_far),
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
@@ -271,83 +168,73 @@ class _Diagnosing:
             effects=effects,
             corrected=with_effects(self.database, merged(self.database.effects, effects)),
             notes=tuple(notes),
-            scores=_scores(state, found),
-            overlays=tuple(_drawable(overlay) for overlay in overlays),
+            scores=_scores(state, held.found),
+            overlays=tuple(_drawable(overlay) for overlay in held.overlays),
         )
+
+    def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap]:
+        """The runs with what is no physics put right, and their gap."""
+        held_by = self._numerics(runs[0], notes)
+        ready = [self._in_time(run, notes) for run in runs]
+        self.tell("where the gap lies")
+        before = self._gap(ready)
+        if not before.is_noise and held_by > HOLD * before.loudest:
+            return self._without_hold(ready, before, notes)
+        return ready, before
+
+    def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Held]:
+        """The search's end, and what of its findings holds."""
+        if looking:
+            state = search(state, self._found_so_far)
+        held = judge.held(state.found)
+        if held.failed and not held.explains:
+            # what holds on the runs that were fitted alone may stand in the way of what holds everywhere
+            other = search(state.without(held.failed), self._found_so_far)
+            again = judge.held(other.found)
+            if again.by > held.by + HELPS:
+                return other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
+        return state, held
+
+    def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
+        """What holds by the names that hold best, its fit, and what else each finding may be called."""
+        fit, names = self._names(state, held.found)
+        names, better = judge.told_apart(held.found, names)
+        if better is not None and (again := judge.held(better)).by > held.by:
+            held = again
+            fit, names = self._names(state, held.found)
+            names, _ = judge.told_apart(held.found, names)
+        return held, fit, names
+
+    def _names(self, state: Search, found: Sequence[Found]) -> tuple[Refined | None, list[tuple[Alike, ...]]]:
+        """The findings' joint fit, None where there are none, and what looks like each."""
+        if not found:
+            return None, []
+        fit = refined(state.problem, state.whiten, found, blocks(state.problem.evidence))
+        names: list[tuple[Alike, ...]] = []
+        for item in found:
+            self.tell(f"what looks like {item.effect} at {item.place}")
+            names.append(alike(state, found, fit, item))
+        return fit, names
+
+    def _in_line(self, state: Search, judge: Judge, held: Held, fit: Refined, *, every: bool) -> tuple[Held, Refined]:
+        """Findings with their numbers, from simulation where these are no worse.
+
+        Args:
+            state: With the runs that were fitted.
+            judge: Of the findings.
+            held: The findings.
+            fit: Their joint fit.
+            every: Every run was judged once; the last numbers may see them all.
+        """
+        closer = judge.closer(held)
+        if closer is not None:
+            numbers, held = closer
+            last = polished(state.problem, self.level, judge.runs, fit, self.backend) if every else numbers[0]
+            fit = last or fit
+        return replace(held, found=tuple(replace(item, row=fit.rows[item.key]) for item in held.found)), fit
 
     def _found_so_far(self, what: str) -> None:
         self.tell(f"found {what}, looking on")
-
-    def _held(
-        self, whole: Problem, whiten: Whitening, state: Search, ways: Sequence[Split], ready: Sequence[Run]
-    ) -> _Held:
-        """What of a search's findings holds on runs that no fit saw, in evidence and in simulation."""
-        found, unseen, dropped = self._kept(whole, whiten, state.found, ways)
-        while (wild := self._wild(ready, ways, found, unseen)) is not None:
-            dropped = (*dropped, Rejected(wild.effect, wild.place, WILD))
-            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not wild], ways)
-            dropped = (*dropped, *more)
-        failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
-        how_far, overlays, after = self._how_far(ready, ways, found, unseen)
-        while (idle := _idle(found, unseen.gains, how_far)) is not None:
-            dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
-            found, unseen, more = self._kept(whole, whiten, [item for item in found if item is not idle], ways)
-            dropped = (*dropped, *more)
-            how_far, overlays, after = self._how_far(ready, ways, found, unseen)
-        return _Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
-
-    def _closer(
-        self, whole: Problem, whiten: Whitening, held: _Held, ways: Sequence[Split], ready: Sequence[Run]
-    ) -> tuple[list[Refined], HowFar, tuple[Overlay, ...], _Gap | None] | None:
-        """Every split's fit with numbers from simulation, and how far the gap shrinks so, where that is no less."""
-        self.tell("numbers from simulation")
-        numbers: list[Refined] = []
-        for way, old in zip(ways, held.unseen.rows, strict=True):
-            part = whole.only(way.seen)
-            there = [replace(item, row=row) for item, row in zip(held.found, old, strict=True)]
-            fit = refined(part, whiten.only(whole.evidence.places(way.seen)), there, blocks(part.evidence))
-            number = polished(part, self.level, [ready[k] for k in way.seen], fit, self.backend)
-            if number is None:
-                return None
-            numbers.append(number)
-        rows = tuple(tuple(number.rows[item.key] for item in held.found) for number in numbers)
-        try:
-            how_far, overlays, after = self._how_far(ready, ways, held.found, replace(held.unseen, rows=rows))
-        except RefusedError:
-            return None
-        return (numbers, how_far, overlays, after) if (how_far.shrinks_by or 0.0) >= held.by - HARMS else None
-
-    def _wild(self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen) -> Found | None:
-        """The finding without which the robot can be simulated, where with all of them no engine can."""
-
-        def goes(without: int | None) -> bool:
-            return any(self._goes(runs, ways, found, unseen, without, engine) for engine in engines)
-
-        engines = dict.fromkeys((self.backend, *self.backends))
-        if not found or goes(None):
-            return None
-        least_first = sorted(range(len(found)), key=lambda k: unseen.gains[k])
-        return found[next((k for k in least_first if goes(k)), least_first[0])]
-
-    def _goes(
-        self,
-        runs: Sequence[Run],
-        ways: Sequence[Split],
-        found: Sequence[Found],
-        unseen: Unseen,
-        without: int | None,
-        engine: str,
-    ) -> bool:
-        """Whether an engine can simulate the unseen runs with the findings, but for one of them."""
-        try:
-            for way, rows in zip(ways, unseen.rows, strict=True):
-                table = rows_of([replace(found[k], row=row) for k, row in enumerate(rows) if k != without])
-                for run in (runs[k] for k in way.unseen):
-                    nominal = robot_of(self.database, self.level, run)
-                    resimulated(robot_of(self.database, self.level, run, table), nominal, run, engine)
-        except RefusedError:
-            return False
-        return True
 
     def _kind(self, item: Found) -> JointKind:
         """Of the joint that a finding is at; what is at arms and robots has one unit for both."""
@@ -373,7 +260,7 @@ class _Diagnosing:
             notes.append(shift_said(run, shift))
         return unshifted(run, shift)
 
-    def _without_hold(self, runs: Sequence[Run], before: _Gap, notes: list[str]) -> tuple[Sequence[Run], _Gap]:
+    def _without_hold(self, runs: Sequence[Run], before: Gap, notes: list[str]) -> tuple[Sequence[Run], Gap]:
         """The runs as a continuous controller would have made them, where that explains the gap or nearly all of it."""
         quick = [other for run in runs if (other := without_hold(run)) is not None]
         if len(quick) < len(runs):
@@ -385,7 +272,7 @@ class _Diagnosing:
         notes += [hold_said(run) for run in runs]
         return quick, gap
 
-    def _gap(self, runs: Sequence[Run]) -> _Gap:
+    def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""
         robots = [robot_of(self.database, self.level, run) for run in runs]
         left = [
@@ -393,92 +280,7 @@ class _Diagnosing:
             for run, robot in zip(runs, robots, strict=True)
         ]
         noises = [noise_floor(self.database, self.level, run) for run in runs]
-        return _Gap(where(left, noises, runs, robots[0]), significance(left, noises), loudest(left, noises))
-
-    def _kept(
-        self, whole: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]
-    ) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
-        """The findings that help on runs that no fit saw; the worst of the others goes first."""
-        kept = list(found)
-        dropped: list[Rejected] = []
-        # what the held-out runs do not excite is judged by the others, each left out in turn
-        trusted: set[tuple[str, int]] = set()
-        while kept:
-            self.tell("what each finding is worth on runs that no fit saw")
-            unseen = judged(whole, whiten, kept, ways)
-            unreal = {
-                key
-                for rows in unseen.rows
-                for key in without_bodies(whole, [replace(item, row=row) for item, row in zip(kept, rows, strict=True)])
-            }
-            if unreal:
-                dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]
-                kept = [item for item in kept if item.key not in unreal]
-                continue
-            gains = [math.inf if item.key in trusted else gain for item, gain in zip(kept, unseen.gains, strict=True)]
-            worst = min(range(len(kept)), key=lambda k: gains[k])
-            if gains[worst] >= EARNS:
-                # no law of another form is late
-                shares = [
-                    math.inf
-                    if item.effect == "delay" or item.key in trusted or gives_alone(whole, kept, item)
-                    else share
-                    for item, share in zip(kept, unseen.shares, strict=True)
-                ]
-                worst = int(np.argmin(shares))
-                if shares[worst] >= OTHER_FORM:
-                    return kept, unseen, tuple(dropped)
-                item = kept.pop(worst)
-                dropped.append(Rejected(item.effect, item.place, CRUMB))
-                continue
-            still = unseen.moves[worst] < NOTHING
-            if still and self._in_turn(whole, whiten, kept, ways)[worst] >= EARNS:
-                trusted.add(kept[worst].key)
-                continue
-            item = kept.pop(worst)
-            why = "not excited by the held-out runs" if still else GONE
-            dropped.append(Rejected(item.effect, item.place, why))
-        return [], Unseen((), (), (), tuple(() for _ in ways)), tuple(dropped)
-
-    def _in_turn(
-        self, whole: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]
-    ) -> Sequence[float]:
-        """What findings earn on the runs that were fitted, each left out in turn; nothing where it is one alone."""
-        seen = ways[0].seen
-        if len(ways) > 1 or len(seen) < 2:
-            return [0.0] * len(found)
-        folds = [
-            Split(tuple(seen[k] for k in way.seen), tuple(seen[k] for k in way.unseen)) for way in splits(len(seen), 0)
-        ]
-        return judged(whole, whiten, found, folds).gains
-
-    def _alike(self, state: Search, found: Sequence[Found], fit: Refined, item: Found) -> tuple[Alike, ...]:
-        self.tell(f"what looks like {item.effect} at {item.place}")
-        return alike(state, found, fit, item)
-
-    def _told_apart(
-        self,
-        whole: Problem,
-        whiten: Whitening,
-        found: Sequence[Found],
-        names: Sequence[tuple[Alike, ...]],
-        ways: Sequence[Split],
-    ) -> tuple[list[tuple[Alike, ...]], tuple[Found, ...] | None]:
-        """Names that hold on runs that no fit saw, and the findings by those that hold best, where that are others."""
-        kept: list[tuple[Alike, ...]] = []
-        best = list(found)
-        for k, (item, others) in enumerate(zip(found, names, strict=True)):
-            if not others:
-                kept.append(others)
-                continue
-            self.tell(f"which name of {item.effect} at {item.place} holds on runs that no fit saw")
-            options = (item, *(one.found for one in others))
-            short = fall_short(whole, whiten, [[*found[:k], one, *found[k + 1 :]] for one in options], ways)
-            if short[0] > ALIKE:
-                best[k] = options[int(np.argmin(short))]
-            kept.append(tuple(one for one, less in zip(others, short[1:], strict=True) if less - short[0] < THRESHOLD))
-        changed = any(one is not other for one, other in zip(best, found, strict=True))
-        return kept, tuple(best) if changed else None
+        return gap_of(left, noises, runs, robots[0])
 
     def _next(self, state: Search, found: Sequence[Found], names: Sequence[Sequence[Alike]]) -> NextExperiment | None:
         """A motion that splits the names of the first finding that has several and can be split."""
@@ -503,41 +305,6 @@ class _Diagnosing:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
 
-    def _how_far(
-        self, runs: Sequence[Run], ways: Sequence[Split], found: Sequence[Found], unseen: Unseen
-    ) -> tuple[HowFar, tuple[Overlay, ...], _Gap | None]:
-        """How far the gap shrinks where no fit saw it, and the gap that is left."""
-        folds = [
-            Fold(
-                tuple(replace(item, row=row) for item, row in zip(found, rows, strict=True)),
-                tuple(runs[k] for k in way.unseen),
-            )
-            for way, rows in zip(ways, unseen.rows, strict=True)
-        ]
-        answer, overlays = self._simulated(folds, bool(found))
-        if not found:
-            return answer, overlays, None
-        judged_runs = [run for fold in folds for run in fold.runs]
-        gaps = [residuals(run, overlay.before) for run, overlay in zip(judged_runs, overlays, strict=True)]
-        left = [residuals(run, overlay.after) for run, overlay in zip(judged_runs, overlays, strict=True)]
-        noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
-        robot = robot_of(self.database, self.level, judged_runs[0])
-        fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        gap = _Gap(where(left, noises, judged_runs, robot), significance(left, fitted), loudest(left, fitted))
-        return answer, overlays, gap
-
-    def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
-        """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""
-        refusal: RefusedError | None = None
-        for engine in dict.fromkeys((self.backend, *(self.backends if found else ()))):
-            try:
-                rest = self.backends if found else (engine,)
-                return how_far(self.database, self.level, folds, engine, rest, self.tell)
-            except RefusedError as error:
-                refusal = error
-        assert refusal is not None
-        raise refusal
-
 
 def _drawable(overlay: Overlay) -> Overlay:
     """An overlay without orientations, which are no curves over time."""
@@ -551,53 +318,6 @@ def _drawable(overlay: Overlay) -> Overlay:
         before=curves(overlay.before),
         after=curves(overlay.after),
         noise=curves(overlay.noise),
-    )
-
-
-def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
-    """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
-
-    Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
-    drown what closes the gap of a quiet one.
-    """
-    total, sure = how_far.shrinks_by, how_far.ci95
-    if total is None or sure is None or not found:
-        # a smaller gain makes less of its sensor's noise, which looks like a better fit
-        return next((item for item in found if item.effect == "controller_gain" and _smaller(item)), None)
-    helps: list[float] = []
-    for item, gain in zip(found, gains, strict=True):
-        help_there = total - (how_far.without.get(name_of(item)) or 0.0)
-        helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
-    least = int(np.argmin(helps))
-    return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
-
-
-def _smaller(gain: Found) -> bool:
-    """Whether a controller's gain is found smaller than it is said to be."""
-    return min(gain.row.values["kp"], gain.row.values["kd"]) < 1.0
-
-
-def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:
-    """The noise that a model leaves whose numbers were fitted: they are known to EXACT of the gap that they close."""
-    tolerance = dict(noise.tolerance)
-    for name, values in gap.items():
-        there = np.maximum(np.isfinite(values).sum(axis=0), 1)
-        size = np.sqrt(np.nansum(np.square(values), axis=0) / there)
-        tolerance[name] = np.hypot(tolerance[name], EXACT * size)
-    return replace(noise, tolerance=tolerance)
-
-
-def _shows(left: Vector, parts: Sequence[Part]) -> bool:
-    """Whether the measured motion itself takes what the model does not say.
-
-    A controller that acts on its sensors' noise moves the robot by what no simulation knows, and nobody knows noise
-    exactly; along the measured motion neither is a gap.
-    """
-    whole = {(part.begin, part.end) for part in parts}
-    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in whole) or any(
-        float(np.mean(left[part.first : part.last] ** 2)) > SHOWS_IN_BAND
-        for part in parts
-        if part.last - part.first >= SHORTEST_BAND
     )
 
 
@@ -672,7 +392,7 @@ def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
     )
 
 
-def _unexplained(verdict: Verdict, before: _Gap, after: _Gap, how_far: HowFar) -> Unexplained:
+def _unexplained(verdict: Verdict, before: Gap, after: Gap, how_far: HowFar) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
     if verdict in ("no_gap", "explained"):
         return Unexplained(0.0, {}, "")

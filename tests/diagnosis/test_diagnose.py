@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import mbexport
-from mbexport.core.diagnosis.diagnose import _idle
 from mbexport.core.diagnosis.diagnosis import HowFar
+from mbexport.core.diagnosis.held import _idle
 from mbexport.core.diagnosis.search import Found
 from mbexport.core.diagnosis.unseen import in_parts, splits
 from mbexport.core.effects import EffectRow

@@ -1,0 +1,305 @@
+"""What of findings holds on runs that no fit saw, in evidence and in simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..database import Database
+from ..errors import RefusedError
+from ..recording import Run
+from .alike import Alike
+from .diagnosis import HowFar, Overlay, Rejected
+from .fit import blocks
+from .gap import Gap, gap_of
+from .how_far import Fold, how_far, name_of
+from .model import robot_of
+from .noise import Noise, noise_floor
+from .nuisances import Whitening
+from .polish import polished
+from .problem import Problem
+from .refine import Refined, refined
+from .resimulate import residuals, resimulated
+from .search import ALIKE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
+from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
+
+Vector = NDArray[np.float64]
+
+# what is left of a gap by numbers that are as good as runs of seconds make them, as part of it
+EXACT = 0.01
+UNREAL = "needs a body that cannot exist"
+GONE = "no gain on held-out data"
+CRUMB = "no more than what is left where a law has another form"
+WILD = "no engine can simulate the robot with it under this controller"
+# by how much a finding must make the gap of unseen runs shrink, as part of the gap before
+HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Held:
+    """What holds on runs that no fit saw.
+
+    Attributes:
+        found: Findings.
+        unseen: What they are worth there.
+        dropped: Those that do not hold.
+        failed: Effects and places of those whose evidence does not hold, or whose body cannot be.
+        how_far: How far the gap shrinks there.
+        overlays: Its curves.
+        after: The gap that is left; None where nothing was found.
+    """
+
+    found: tuple[Found, ...]
+    unseen: Unseen
+    dropped: tuple[Rejected, ...]
+    failed: set[tuple[str, str]]
+    how_far: HowFar
+    overlays: tuple[Overlay, ...]
+    after: Gap | None
+
+    @property
+    def by(self) -> float:
+        """How far the gap shrinks."""
+        return (self.how_far.shrinks_by or 0.0) if self.found else 0.0
+
+    @property
+    def explains(self) -> bool:
+        """Whether what is left is no more than noise."""
+        return self.after is not None and self.after.is_noise
+
+    def dropped_but(self, other: Held) -> tuple[Rejected, ...]:
+        """Those dropped here that another set of findings neither has nor drops."""
+        said = {(item.effect, item.place) for item in other.found} | {(r.effect, r.at) for r in other.dropped}
+        return tuple(item for item in self.dropped if (item.effect, item.at) not in said)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judge:
+    """Judges findings by runs that no fit saw.
+
+    Attributes:
+        database: The robot as it is known.
+        level: Of the nominal model.
+        backend: Engine of the figures.
+        backends: Where the corrected robot is simulated too.
+        tell: Is told what is being done.
+        whole, whiten: The question that all runs put, and its nuisances.
+        ways: How runs are set apart.
+        runs: All of them.
+    """
+
+    database: Database
+    level: str
+    backend: str
+    backends: Sequence[str]
+    tell: Callable[[str], None]
+    whole: Problem
+    whiten: Whitening
+    ways: Sequence[Split]
+    runs: Sequence[Run]
+
+    def held(self, findings: Sequence[Found]) -> Held:
+        """What of findings holds, in evidence and in simulation."""
+        found, unseen, dropped = self._kept(findings)
+        while (wild := self._wild(found, unseen)) is not None:
+            dropped = (*dropped, Rejected(wild.effect, wild.place, WILD))
+            found, unseen, more = self._kept([item for item in found if item is not wild])
+            dropped = (*dropped, *more)
+        failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
+        how_far, overlays, after = self._how_far(found, unseen)
+        while (idle := _idle(found, unseen.gains, how_far)) is not None:
+            dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
+            found, unseen, more = self._kept([item for item in found if item is not idle])
+            dropped = (*dropped, *more)
+            how_far, overlays, after = self._how_far(found, unseen)
+        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
+
+    def closer(self, held: Held) -> tuple[list[Refined], Held] | None:
+        """Every split's fit with numbers from simulation, and what holds so, where the gap shrinks no less by them."""
+        self.tell("numbers from simulation")
+        numbers: list[Refined] = []
+        for way, old in zip(self.ways, held.unseen.rows, strict=True):
+            part = self.whole.only(way.seen)
+            there = [replace(item, row=row) for item, row in zip(held.found, old, strict=True)]
+            fit = refined(part, self.whiten.only(self.whole.evidence.places(way.seen)), there, blocks(part.evidence))
+            number = polished(part, self.level, [self.runs[k] for k in way.seen], fit, self.backend)
+            if number is None:
+                return None
+            numbers.append(number)
+        rows = tuple(tuple(number.rows[item.key] for item in held.found) for number in numbers)
+        try:
+            how_far, overlays, after = self._how_far(held.found, replace(held.unseen, rows=rows))
+        except RefusedError:
+            return None
+        if (how_far.shrinks_by or 0.0) < held.by - HARMS:
+            return None
+        return numbers, replace(held, how_far=how_far, overlays=overlays, after=after)
+
+    def told_apart(
+        self, found: Sequence[Found], names: Sequence[tuple[Alike, ...]]
+    ) -> tuple[list[tuple[Alike, ...]], tuple[Found, ...] | None]:
+        """Names that hold on runs that no fit saw, and the findings by those that hold best, where that are others."""
+        kept: list[tuple[Alike, ...]] = []
+        best = list(found)
+        for k, (item, others) in enumerate(zip(found, names, strict=True)):
+            if not others:
+                kept.append(others)
+                continue
+            self.tell(f"which name of {item.effect} at {item.place} holds on runs that no fit saw")
+            options = (item, *(one.found for one in others))
+            short = fall_short(
+                self.whole, self.whiten, [[*found[:k], one, *found[k + 1 :]] for one in options], self.ways
+            )
+            if short[0] > ALIKE:
+                best[k] = options[int(np.argmin(short))]
+            kept.append(tuple(one for one, less in zip(others, short[1:], strict=True) if less - short[0] < THRESHOLD))
+        changed = any(one is not other for one, other in zip(best, found, strict=True))
+        return kept, tuple(best) if changed else None
+
+    def _kept(self, found: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
+        """The findings that help on runs that no fit saw; the worst of the others goes first."""
+        kept = list(found)
+        dropped: list[Rejected] = []
+        # what the held-out runs do not excite is judged by the others, each left out in turn
+        trusted: set[tuple[str, int]] = set()
+        while kept:
+            self.tell("what each finding is worth on runs that no fit saw")
+            unseen = judged(self.whole, self.whiten, kept, self.ways)
+            unreal = {
+                key
+                for rows in unseen.rows
+                for key in without_bodies(
+                    self.whole, [replace(item, row=row) for item, row in zip(kept, rows, strict=True)]
+                )
+            }
+            if unreal:
+                dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]
+                kept = [item for item in kept if item.key not in unreal]
+                continue
+            gains = [math.inf if item.key in trusted else gain for item, gain in zip(kept, unseen.gains, strict=True)]
+            worst = min(range(len(kept)), key=lambda k: gains[k])
+            if gains[worst] >= EARNS:
+                # no law of another form is late
+                shares = [
+                    math.inf
+                    if item.effect == "delay" or item.key in trusted or gives_alone(self.whole, kept, item)
+                    else share
+                    for item, share in zip(kept, unseen.shares, strict=True)
+                ]
+                worst = int(np.argmin(shares))
+                if shares[worst] >= OTHER_FORM:
+                    return kept, unseen, tuple(dropped)
+                item = kept.pop(worst)
+                dropped.append(Rejected(item.effect, item.place, CRUMB))
+                continue
+            still = unseen.moves[worst] < NOTHING
+            if still and self._in_turn(kept)[worst] >= EARNS:
+                trusted.add(kept[worst].key)
+                continue
+            item = kept.pop(worst)
+            why = "not excited by the held-out runs" if still else GONE
+            dropped.append(Rejected(item.effect, item.place, why))
+        return [], Unseen((), (), (), tuple(() for _ in self.ways)), tuple(dropped)
+
+    def _in_turn(self, found: Sequence[Found]) -> Sequence[float]:
+        """What findings earn on the runs that were fitted, each left out in turn; nothing where it is one alone."""
+        seen = self.ways[0].seen
+        if len(self.ways) > 1 or len(seen) < 2:
+            return [0.0] * len(found)
+        folds = [
+            Split(tuple(seen[k] for k in way.seen), tuple(seen[k] for k in way.unseen)) for way in splits(len(seen), 0)
+        ]
+        return judged(self.whole, self.whiten, found, folds).gains
+
+    def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
+        """The finding without which the robot can be simulated, where with all of them no engine can."""
+
+        def goes(without: int | None) -> bool:
+            return any(self._goes(found, unseen, without, engine) for engine in engines)
+
+        engines = dict.fromkeys((self.backend, *self.backends))
+        if not found or goes(None):
+            return None
+        least_first = sorted(range(len(found)), key=lambda k: unseen.gains[k])
+        return found[next((k for k in least_first if goes(k)), least_first[0])]
+
+    def _goes(self, found: Sequence[Found], unseen: Unseen, without: int | None, engine: str) -> bool:
+        """Whether an engine can simulate the unseen runs with the findings, but for one of them."""
+        try:
+            for way, rows in zip(self.ways, unseen.rows, strict=True):
+                table = rows_of([replace(found[k], row=row) for k, row in enumerate(rows) if k != without])
+                for run in (self.runs[k] for k in way.unseen):
+                    nominal = robot_of(self.database, self.level, run)
+                    resimulated(robot_of(self.database, self.level, run, table), nominal, run, engine)
+        except RefusedError:
+            return False
+        return True
+
+    def _how_far(self, found: Sequence[Found], unseen: Unseen) -> tuple[HowFar, tuple[Overlay, ...], Gap | None]:
+        """How far the gap shrinks where no fit saw it, and the gap that is left."""
+        folds = [
+            Fold(
+                tuple(replace(item, row=row) for item, row in zip(found, rows, strict=True)),
+                tuple(self.runs[k] for k in way.unseen),
+            )
+            for way, rows in zip(self.ways, unseen.rows, strict=True)
+        ]
+        answer, overlays = self._simulated(folds, bool(found))
+        if not found:
+            return answer, overlays, None
+        judged_runs = [run for fold in folds for run in fold.runs]
+        gaps = [residuals(run, overlay.before) for run, overlay in zip(judged_runs, overlays, strict=True)]
+        left = [residuals(run, overlay.after) for run, overlay in zip(judged_runs, overlays, strict=True)]
+        noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
+        robot = robot_of(self.database, self.level, judged_runs[0])
+        fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
+        return answer, overlays, gap_of(left, noises, judged_runs, robot, fitted)
+
+    def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
+        """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""
+        refusal: RefusedError | None = None
+        for engine in dict.fromkeys((self.backend, *(self.backends if found else ()))):
+            try:
+                rest = self.backends if found else (engine,)
+                return how_far(self.database, self.level, folds, engine, rest, self.tell)
+            except RefusedError as error:
+                refusal = error
+        assert refusal is not None
+        raise refusal
+
+
+def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
+    """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
+
+    Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
+    drown what closes the gap of a quiet one.
+    """
+    total, sure = how_far.shrinks_by, how_far.ci95
+    if total is None or sure is None or not found:
+        # a smaller gain makes less of its sensor's noise, which looks like a better fit
+        return next((item for item in found if item.effect == "controller_gain" and _smaller(item)), None)
+    helps: list[float] = []
+    for item, gain in zip(found, gains, strict=True):
+        help_there = total - (how_far.without.get(name_of(item)) or 0.0)
+        helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
+    least = int(np.argmin(helps))
+    return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
+
+
+def _smaller(gain: Found) -> bool:
+    """Whether a controller's gain is found smaller than it is said to be."""
+    return min(gain.row.values["kp"], gain.row.values["kd"]) < 1.0
+
+
+def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:
+    """The noise that a model leaves whose numbers were fitted: they are known to EXACT of the gap that they close."""
+    tolerance = dict(noise.tolerance)
+    for name, values in gap.items():
+        there = np.maximum(np.isfinite(values).sum(axis=0), 1)
+        size = np.sqrt(np.nansum(np.square(values), axis=0) / there)
+        tolerance[name] = np.hypot(tolerance[name], EXACT * size)
+    return replace(noise, tolerance=tolerance)
