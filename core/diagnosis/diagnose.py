@@ -139,7 +139,7 @@ class _Diagnosing:
         if fit is not None:
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
         experiment = self._next(state, held.found, names)
-        seen_too = shows(seen_whiten(seen.residual({})), blocks(seen.evidence))
+        seen_too = shows(whiten(whole.residual({})), blocks(whole.evidence))
         if not held.found and not before.is_noise and not seen_too:
             notes.append(NO_PHYSICS)
         after = held.after

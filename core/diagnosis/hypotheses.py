@@ -161,6 +161,8 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         for at in places:
             if (name, at) in skip or not _possible(problem, name, at):
                 continue
+            if _twin(problem, name, at, rows):
+                continue
             if (
                 name in _SAME_UNSEEN
                 and unseen
@@ -175,6 +177,14 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
             maker = _FORMS.get(name, _plugin)
             found += [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
     return found
+
+
+def _twin(problem: Problem, name: str, at: int, rows: Rows) -> bool:
+    """Whether the same body is there by its other name: what hangs at the last arm is a payload, or its inertia."""
+    n = problem.database.n
+    if name == "payload":
+        return any(row.at == n for row in rows.get("link_inertia", ()))
+    return name == "link_inertia" and at == n and bool(rows.get("payload"))
 
 
 def _possible(problem: Problem, name: str, at: int) -> bool:

@@ -47,6 +47,8 @@ SIMPLER = 0.002
 CLOSE = 0.6
 # every number more must explain this part more
 DEARER = 0.1
+# effects with so many numbers that they may be found with some of them and need the others later
+PARTIAL = ("kinematic_error", "link_inertia", "payload")
 # names that are tried in the place of several
 MOST_CONDENSED = 4
 # picks in a row that may come to nothing once all their numbers are free
@@ -187,7 +189,7 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
             break
         if tell:
             tell(", ".join(f"{item.effect} at {item.place}" for item in picked[:3]))
-        trial = [*before, *picked]
+        trial = _beside_or_more(before, picked)
         fit = refined(problem, whiten, trial, parts)
         fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
         unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
@@ -203,13 +205,26 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         sigma = spread(fit.left, parts)
         if gained(state.left, fit.left, sigma, parts) >= THRESHOLD:
             prune(state, trial, fit, parts)
-        if {item.key for item in state.found} <= {item.key for item in before}:
+        if _numbers(state.found) <= _numbers(before):
             # what seemed best to its signature alone must not stand in the way of others
             failed.append({item.key for item in picked})
             if len(failed) == MOST_FAILED:
                 break
     _condense(state, parts)
     return state
+
+
+def _beside_or_more(found: Sequence[Found], picked: Sequence[Found]) -> list[Found]:
+    """Findings and picks; a pick of an effect that is there already has more of its numbers."""
+    more = {item.key: item for item in picked}
+    kept = [replace(item, row=more[item.key].row) if item.key in more else item for item in found]
+    there = {item.key for item in found}
+    return [*kept, *(item for item in picked if item.key not in there)]
+
+
+def _numbers(found: Sequence[Found]) -> set[tuple[str, int, str]]:
+    """Effect, place and column of every number that is fitted."""
+    return {(*item.key, name) for item in found for name in free_columns(item.effect, item.row)}
 
 
 def _condense(state: Search, parts: Sequence[Part]) -> None:
@@ -326,8 +341,13 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
     # amounts stay those of the first round, for which signatures were worked out
     scales = replace(state.scales, residual=now.residual)
     fits: list[Fitting] = []
-    taken = [*(item.key for item in state.found), *sorted(state.banned), *skip]
+    done = (item.key for item in state.found if item.effect not in PARTIAL)
+    taken = [*done, *sorted(state.banned), *skip]
+    numbers = _numbers(state.found)
+    there = {item.key for item in state.found}
     for hypothesis in hypotheses(problem, rows, scales, taken):
+        if hypothesis.key in there and not _more(hypothesis, numbers):
+            continue
         name = (hypothesis.effect, hypothesis.at, hypothesis.form)
         known = state.signatures.get(name)
         if known is None:
@@ -339,6 +359,13 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
             state.signatures[name] = known
         fits.append((hypothesis, state.left + known[0], known[1]))
     return fits
+
+
+def _more(hypothesis: Hypothesis, numbers: set[tuple[str, int, str]]) -> bool:
+    """Whether a form of an effect that was found has numbers that are not fitted yet."""
+    row = hypothesis.rows(hypothesis.scale)
+    columns = free_columns(hypothesis.effect, row[hypothesis.effect][0]) if row else []
+    return any((*hypothesis.key, name) not in numbers for name in columns)
 
 
 def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: Vector) -> list[Contender]:
