@@ -143,7 +143,9 @@ class _Diagnosing:
         if not held.found and not before.is_noise and not seen_too:
             notes.append(NO_PHYSICS)
         after = held.after
-        verdict = _verdict(held.found, not before.is_noise and seen_too, after is not None and not after.is_noise)
+        # what no run that judges shows clearly is nothing to explain
+        gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
+        verdict = _verdict(held.found, gap, after is not None and not after.is_noise)
         effects = rows_of(held.found)
         return Diagnosis(
             robot=self.database.name,

@@ -24,7 +24,7 @@ from .polish import polished
 from .problem import Problem
 from .refine import Refined, refined
 from .resimulate import residuals, resimulated
-from .search import ALIKE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
+from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
 
 Vector = NDArray[np.float64]
@@ -154,9 +154,15 @@ class Judge:
             short = fall_short(
                 self.whole, self.whiten, [[*found[:k], one, *found[k + 1 :]] for one in options], self.ways
             )
-            if short[0] > ALIKE:
-                best[k] = options[int(np.argmin(short))]
-            kept.append(tuple(one for one, less in zip(others, short[1:], strict=True) if less - short[0] < THRESHOLD))
+            if short[0].nats > ALIKE and short[0].share > ALIKE_SHARE:
+                best[k] = min(zip(options, short, strict=True), key=lambda pair: pair[1].nats)[0]
+            kept.append(
+                tuple(
+                    one
+                    for one, less in zip(others, short[1:], strict=True)
+                    if less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
+                )
+            )
         changed = any(one is not other for one, other in zip(best, found, strict=True))
         return kept, tuple(best) if changed else None
 

@@ -285,6 +285,10 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
     picked: list[Found] = []
     while len(picked) < room:
         taken = {item.key for item in picked}
+        n = state.problem.database.n
+        if taken & {("payload", 0), ("link_inertia", n)}:
+            # one body has one name
+            taken |= {("payload", 0), ("link_inertia", n)}
         ranking = ranked([fit for fit in fits if fit[0].key not in taken], left, parts, basis)
         if not state.first:
             state.first = ranking

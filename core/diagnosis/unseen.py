@@ -123,10 +123,23 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
 
 
+@dataclass(frozen=True, slots=True)
+class Short:
+    """How far a set of findings falls short of the best of several on runs that no fit saw.
+
+    Attributes:
+        nats: Log evidence.
+        share: What it leaves more, as part of the gap's energy that the best takes.
+    """
+
+    nats: float
+    share: float
+
+
 def fall_short(
     problem: Problem, whiten: Whitening, named: Sequence[Sequence[Found]], ways: Sequence[Split]
-) -> tuple[float, ...]:
-    """Log evidence by which sets of findings fall short of the best of them on runs that no fit saw.
+) -> tuple[Short, ...]:
+    """How far sets of findings fall short of the best of them on runs that no fit saw.
 
     Args:
         problem: All runs.
@@ -134,7 +147,7 @@ def fall_short(
         named: Sets, each with where to start.
         ways: The splits.
     """
-    short = np.zeros(len(named))
+    nats, energy, nothing = np.zeros(len(named)), np.zeros(len(named)), 0.0
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
         left: list[Vector] = []
@@ -142,8 +155,12 @@ def fall_short(
             rows = seen.fit(found).rows
             left.append(unseen.left([replace(item, row=rows[item.key]) for item in found]))
         sigma = spread(min(left, key=lambda one: float(one @ one)), unseen.parts)
-        short += [gained(one, left[0], sigma, unseen.parts) for one in left]
-    return tuple((short - short.min()).tolist())
+        nats += [gained(one, left[0], sigma, unseen.parts) for one in left]
+        energy += [float(one @ one) for one in left]
+        nothing += float(np.sum(unseen.left([]) ** 2))
+    best = int(np.argmin(nats))
+    share = (energy - energy[best]) / max(nothing - float(energy[best]), 1e-9)
+    return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
 
 
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:
