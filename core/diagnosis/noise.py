@@ -269,6 +269,16 @@ def _add_start(robot: Robot, run: Run, sigma: dict[str, Vector], samples: dict[s
         sigma[name] = np.sqrt(a + b)
 
 
+def _every(run: Run) -> int:
+    """Rows of the smoothed motion between instants at which tolerances are followed."""
+    return max(1, round(1.0 / (TOLERANCE_RATE * smoothed(run).h)))
+
+
+def tolerance_times(run: Run) -> Vector:
+    """Instants at which tolerances are followed [s]."""
+    return smoothed(run).t[:: _every(run)]
+
+
 def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str, Vector]:
     """How a run's signals change with one sigma of each number that may be off, at some instants, linearly.
 
@@ -281,8 +291,7 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
     variants = list(perturbed(robot, tolerance))
     if not variants:
         return {}
-    grid = smoothed(run)
-    every = max(1, round(1.0 / (TOLERANCE_RATE * grid.h)))
+    grid, every = smoothed(run), _every(run)
     q, dq, ddq = (values[::every] for values in (grid.q, grid.dq, grid.ddq))
     h = grid.h * every
     arms = dynamics(robot, always_compiled=True)

@@ -8,7 +8,7 @@ so that one Gauss-Newton step is enough.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,11 @@ from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .blocks import BLOCK
-from .model import robot_of
-from .noise import noise_floor
+from .model import Rows, robot_of
+from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import Refined, bounds_of
-from .resimulate import residuals, resimulated
+from .resimulate import compared, linear, residuals, resimulated
 
 Vector = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
 def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, backend: str) -> Refined | None:
     """A fit with its numbers from simulation; None where that takes too long, cannot be, or gains nothing.
 
+    What the database's tolerances may do is taken out, as along the measured motion.
+
     Args:
         problem: The question, of these runs.
         level: Of the nominal model.
@@ -52,18 +54,18 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
-    limits: Vector = np.array(
-        [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)], dtype=float
-    )
+    # in simulation nothing jumps where a delay is a whole number of ticks
+    limits: Vector = np.array([bounds_of(problem, *key) for key in fit.free], dtype=float)
     size = np.maximum(np.abs(start), sigma)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
     weight = 1.0 / np.maximum(LOOSE * sigma, 1e-3 * step)
+    loose = _Loose.of([_tolerances(problem.database, level, run, _effects(fit.rows)) for run in runs])
 
     def left(x: Vector) -> list[Vector]:
         return _left(problem.database, level, runs, rows_at(fit, x), backend)
 
     def cost(values: Sequence[Vector], x: Vector) -> float:
-        return sum(float(np.sum(part**2)) for part in values) + float(np.sum((weight * (x - start)) ** 2))
+        return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
     try:
         x = start
@@ -72,9 +74,9 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         for _ in range(ROUNDS):
             slopes = _slopes(left, now, x, step, limits)
             normal, gradient = np.diag(weight**2), weight**2 * (x - start)
-            for part, slope in zip(now, slopes, strict=True):
-                normal = normal + np.einsum("mck,mcl->kl", slope, slope)
-                gradient = gradient + np.einsum("mck,mc->k", slope, part)
+            for part, slope, beside in zip(now, slopes, loose.without(slopes), strict=True):
+                normal = normal + np.einsum("mck,mcl->kl", slope, beside)
+                gradient = gradient + np.einsum("mck,mc->k", beside, part)
             there: Vector = np.asarray(x - np.linalg.solve(normal, gradient), dtype=float)
             there = np.minimum(np.maximum(there, limits[:, 0]), limits[:, 1])
             trial = left(there)
@@ -85,7 +87,8 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         return None
     if cost(now, x) >= cost(before, start):
         return None
-    return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, _scatter(now, slopes, runs, weight)))
+    scatter = _scatter(loose, now, slopes, runs, weight)
+    return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
 
 
 def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
@@ -96,18 +99,24 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
+def _effects(rows: Mapping[tuple[str, int], EffectRow]) -> Rows:
+    """Rows as tables."""
+    effects: dict[str, tuple[EffectRow, ...]] = {}
+    for (effect, _), row in sorted(rows.items()):
+        effects[effect] = (*effects.get(effect, ()), row)
+    return effects
+
+
 def _left(
     database: Database, level: str, runs: Sequence[Run], rows: Mapping[tuple[str, int], EffectRow], backend: str
 ) -> list[Vector]:
     """Measured minus simulated of each run in units of noise, 0 where nothing was measured, shape (m, channels)."""
-    effects: dict[str, tuple[EffectRow, ...]] = {}
-    for (effect, _), row in sorted(rows.items()):
-        effects[effect] = (*effects.get(effect, ()), row)
+    effects = _effects(rows)
     out: list[Vector] = []
     for run in runs:
         robot = robot_of(database, level, run, effects)
         apart = residuals(run, resimulated(robot, robot_of(database, level, run), run, backend))
-        sigma = noise_floor(database, level, run).sigma
+        sigma = noise_floor(database, level, run).sensor
         parts = [np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)]
         out.append(np.column_stack(parts))
     return out
@@ -126,18 +135,81 @@ def _slopes(
     return [np.stack([column[r] for column in columns], axis=-1) for r in range(len(now))]
 
 
-def _scatter(left: Sequence[Vector], slopes: Sequence[Vector], runs: Sequence[Run], weight: Vector) -> Vector:
-    """Variance of each number by how blocks of time pull at it, shape (k,) (Huber, 1967; Newey and West, 1987)."""
+@dataclass(frozen=True, slots=True, eq=False)
+class _Loose:
+    """What the database's numbers may be off by, as directions in what is left.
+
+    Attributes:
+        columns: Of each run, what one standard deviation of each does, in units of noise, shape (m, channels, p).
+        inner: (1 + A^T A)^-1 of all of them, shape (p, p).
+    """
+
+    columns: Sequence[Vector]
+    inner: Vector
+
+    @staticmethod
+    def of(columns: Sequence[Vector]) -> _Loose:
+        gram = np.sum([np.einsum("mcp,mcq->pq", one, one) for one in columns], axis=0)
+        return _Loose(columns, np.asarray(np.linalg.inv(np.eye(len(gram)) + gram), dtype=np.float64))
+
+    def along(self, values: Sequence[Vector]) -> Vector:
+        """What of residuals (m, channels) or slopes (m, channels, k) lies along them, shape (p,) or (p, k)."""
+        found = [
+            np.tensordot(one, value, axes=((0, 1), (0, 1))) for one, value in zip(self.columns, values, strict=True)
+        ]
+        return np.sum(found, axis=0)
+
+    def without(self, values: Sequence[Vector]) -> list[Vector]:
+        """Residuals or slopes without what they may have put there: (1 + A A^T)^-1 of it."""
+        taken = self.inner @ self.along(values)
+        return [value - one @ taken for one, value in zip(self.columns, values, strict=True)]
+
+    def energy(self, values: Sequence[Vector]) -> float:
+        """Sum of squares of residuals that they make least, with their own."""
+        along = self.along(values)
+        return sum(float(np.sum(value**2)) for value in values) - float(along @ self.inner @ along)
+
+
+def _tolerances(database: Database, level: str, run: Run, effects: Rows) -> Vector:
+    """What one standard deviation of each of the database's numbers changes, as `_left` has it, (m, channels, p).
+
+    Of the robot with what was found: what is off by a part changes what a tilt or a payload makes of it.
+    """
+    robot = robot_of(database, level, run, effects)
+    changes = tolerance_changes(robot, database.tolerance, run)
+    sigma = noise_floor(database, level, run).sensor
+    times = tolerance_times(run)
+    columns: list[Vector] = []
+    for name, measured in sorted(compared(run).items()):
+        there: NDArray[np.bool_] = np.isfinite(measured)
+        if name == "ee_rot":
+            there = np.repeat(there.all(axis=1, keepdims=True), 3, axis=1)
+        change = changes.get(name, np.zeros((0, len(times), there.shape[1])))
+        at = np.stack([linear(times, one, run.t) for one in change], axis=-1) if len(change) else None
+        part = np.zeros((*there.shape, 0)) if at is None else at
+        columns.append(part * there[:, :, None] / np.maximum(sigma[name], 1e-300)[:, None])
+    return np.concatenate(columns, axis=1)
+
+
+def _scatter(
+    loose: _Loose, left: Sequence[Vector], slopes: Sequence[Vector], runs: Sequence[Run], weight: Vector
+) -> Vector:
+    """Variance of each number by how blocks of time pull at it, and by tolerances, shape (k,).
+
+    Sandwich of Huber (1967), blocks as Newey and West (1987).
+    """
     normal = np.diag(weight**2)
     pulls: list[Vector] = []
-    for part, slope, run in zip(left, slopes, runs, strict=True):
-        normal = normal + np.einsum("mck,mcl->kl", slope, slope)
+    for part, slope, beside, run in zip(loose.without(left), slopes, loose.without(slopes), runs, strict=True):
+        normal = normal + np.einsum("mck,mcl->kl", slope, beside)
         count = max(1, round(run.duration / BLOCK))
         for rows in np.array_split(np.arange(len(part)), count):
-            pulls.append(np.einsum("mck,mc->k", slope[rows], part[rows]))
+            pulls.append(np.einsum("mck,mc->k", beside[rows], part[rows]))
     gathered = np.array(pulls)
+    shared = loose.inner @ loose.along(slopes)
+    spread = gathered.T @ gathered * len(pulls) / max(1, len(pulls) - 1) + shared.T @ shared
     inverse = np.linalg.inv(normal)
-    return np.diagonal(inverse @ (gathered.T @ gathered) @ inverse) * len(pulls) / max(1, len(pulls) - 1)
+    return np.diagonal(inverse @ spread @ inverse)
 
 
 def _widened(covariance: Vector, variance: Vector) -> Vector:

@@ -210,13 +210,13 @@ def _size(row: EffectRow, effect: str, name: str) -> float:
     return max(value, 0.1 * max(same, default=0.0), 1e-9)
 
 
-def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float) -> tuple[float, float]:
-    """Least and largest value of a number, and of a delay those within the tick in which it starts.
+def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | None = None) -> tuple[float, float]:
+    """Least and largest value of a number, and of a delay that starts somewhere those within that tick.
 
-    Where a delay becomes another whole number of ticks, what is reported jumps.
+    Along a motion, where a delay becomes another whole number of ticks, what is reported jumps.
     """
     low, high = _range(effect, name)
-    if effect == "delay":
+    if effect == "delay" and start is not None:
         tick = _tick(problem)
         number = np.floor(start / tick)
         # differences are taken upwards
