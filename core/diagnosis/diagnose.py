@@ -58,7 +58,7 @@ NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
     "that is what holds, stamps, tolerances and noise in the loop do, and no physics."
 )
-# how often evidence beyond doubt is of something else: in 4 of 63 findings on the blind bank, on its set for tuning
+# how often evidence beyond doubt is of something else: in 4 of 63 findings on the set of the blind bank for tuning
 ELSEWHERE = 0.06
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
