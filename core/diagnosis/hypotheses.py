@@ -154,6 +154,8 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         for at in range(1, n + 1)
         if clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in GIVING)
     ]
+    twins = twins_of(problem)
+    there = {(effect, row.at) for effect, found_rows in rows.items() for row in found_rows}
     unseen = not any({"tau", "tau_link"} & run.measured.keys() for run in problem.evidence.runs)
     for name in catalogue():
         effect = effect_named(name)
@@ -161,7 +163,7 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         for at in places:
             if (name, at) in skip or not _possible(problem, name, at):
                 continue
-            if _twin(problem, name, at, rows):
+            if (name, at) in twins and (twins - {(name, at)}) & there:
                 continue
             if (
                 name in _SAME_UNSEEN
@@ -179,12 +181,9 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
     return found
 
 
-def _twin(problem: Problem, name: str, at: int, rows: Rows) -> bool:
-    """Whether the same body is there by its other name: what hangs at the last arm is a payload, or its inertia."""
-    n = problem.database.n
-    if name == "payload":
-        return any(row.at == n for row in rows.get("link_inertia", ()))
-    return name == "link_inertia" and at == n and bool(rows.get("payload"))
+def twins_of(problem: Problem) -> set[tuple[str, int]]:
+    """Two names of one body: what hangs at the last arm is a payload, or that arm's inertia."""
+    return {("payload", 0), ("link_inertia", problem.database.n)}
 
 
 def _possible(problem: Problem, name: str, at: int) -> bool:

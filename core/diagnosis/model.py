@@ -51,3 +51,11 @@ def merged(rows: Rows, others: Rows) -> dict[str, tuple[EffectRow, ...]]:
         by_place = {row.at: row for row in whole.get(name, ())} | {row.at: row for row in new}
         whole[name] = tuple(by_place[at] for at in sorted(by_place))
     return whole
+
+
+def tables(rows: Mapping[tuple[str, int], EffectRow]) -> dict[str, tuple[EffectRow, ...]]:
+    """Rows by effect and number of their place, as tables in the order of places."""
+    out: dict[str, tuple[EffectRow, ...]] = {}
+    for (effect, _), row in sorted(rows.items()):
+        out[effect] = (*out.get(effect, ()), row)
+    return out

@@ -18,7 +18,7 @@ from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .blocks import BLOCK
-from .model import Rows, robot_of
+from .model import Rows, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import Refined, bounds_of
@@ -59,7 +59,7 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
     size = np.maximum(np.abs(start), sigma)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
     weight = 1.0 / np.maximum(LOOSE * sigma, 1e-3 * step)
-    loose = _Loose.of([_tolerances(problem.database, level, run, _effects(fit.rows)) for run in runs])
+    loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left(x: Vector) -> list[Vector]:
         return _left(problem.database, level, runs, rows_at(fit, x), backend)
@@ -99,19 +99,11 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
-def _effects(rows: Mapping[tuple[str, int], EffectRow]) -> Rows:
-    """Rows as tables."""
-    effects: dict[str, tuple[EffectRow, ...]] = {}
-    for (effect, _), row in sorted(rows.items()):
-        effects[effect] = (*effects.get(effect, ()), row)
-    return effects
-
-
 def _left(
     database: Database, level: str, runs: Sequence[Run], rows: Mapping[tuple[str, int], EffectRow], backend: str
 ) -> list[Vector]:
     """Measured minus simulated of each run in units of noise, 0 where nothing was measured, shape (m, channels)."""
-    effects = _effects(rows)
+    effects = tables(rows)
     out: list[Vector] = []
     for run in runs:
         robot = robot_of(database, level, run, effects)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .fit import Part, spread
-from .model import merged
+from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
 
@@ -165,10 +165,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         return {key: EffectRow(key[1], v) for key, v in values.items()}
 
     def residual(x: Vector) -> Vector:
-        table: dict[str, tuple[EffectRow, ...]] = {}
-        for (effect, _), row in rows_at(x).items():
-            table = merged(table, {effect: (row,)})
-        return whiten(problem.misfit(table))
+        return whiten(problem.misfit(tables(rows_at(x))))
 
     def whitened(x: Vector, sigma: Vector) -> Vector:
         return residual(x) / sigma

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from .fit import Linear, Part, blocks, gained, linear, spread
-from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of
-from .model import Rows, merged
+from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of, twins_of
+from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined, free_columns, refined, removal
@@ -51,7 +51,7 @@ DEARER = 0.1
 PARTIAL = ("kinematic_error", "link_inertia", "payload")
 # names that are tried in the place of several
 MOST_CONDENSED = 4
-# picks in a row that may come to nothing once all their numbers are free
+# picks that may come to nothing once all their numbers are free
 MOST_FAILED = 3
 # curved findings with so much evidence need not be taken out on trial
 BEYOND_DOUBT = 100.0
@@ -170,10 +170,7 @@ Fitting = tuple[Hypothesis, Vector, Vector]
 
 def rows_of(found: Sequence[Found]) -> Rows:
     """Findings as tables."""
-    out: dict[str, tuple[EffectRow, ...]] = {}
-    for item in found:
-        out = merged(out, {item.effect: (item.row,)})
-    return out
+    return tables({item.key: item.row for item in found})
 
 
 def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
@@ -285,10 +282,8 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
     picked: list[Found] = []
     while len(picked) < room:
         taken = {item.key for item in picked}
-        n = state.problem.database.n
-        if taken & {("payload", 0), ("link_inertia", n)}:
-            # one body has one name
-            taken |= {("payload", 0), ("link_inertia", n)}
+        if taken & (twins := twins_of(state.problem)):
+            taken |= twins
         ranking = ranked([fit for fit in fits if fit[0].key not in taken], left, parts, basis)
         if not state.first:
             state.first = ranking

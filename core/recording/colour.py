@@ -182,16 +182,16 @@ def _upper(stretches: Vector, white: float) -> _Upper | None:
     return _Upper(energy[:, cut:], tools, cut, white)
 
 
-def _models(one: _Upper, slope: float) -> Vector:
-    """Variances of the bands under a model of order 1, in the sizes that are tried beside white, shape (k, b)."""
-    shape = one.power @ _spectrum(np.array([slope]))
+def _models(one: _Upper, shape: Vector) -> Vector:
+    """Variances of the bands under a model of a shape (b,), in the sizes that are tried beside white, shape (k, b)."""
     shape = shape * one.level / float(_mean(shape, one.sizes))
     return shape[None] if one.white == 0.0 else _SIZES[:, None] * shape + one.white
 
 
 def _curve(one: _Upper) -> Vector:
     """-2 log likelihood of every slope that is tried, shape (k,)."""
-    return np.array([_cost(one.energy, _models(one, slope), one.sizes).min() for slope in _SLOPES])
+    shapes = one.tools.variances[:, one.cut :]
+    return np.array([_cost(one.energy, _models(one, shape), one.sizes).min() for shape in shapes])
 
 
 def _lowest_between(curve: Vector, best: int) -> float:
@@ -207,9 +207,9 @@ def _lowest_between(curve: Vector, best: int) -> float:
 
 def _of_slope(one: _Upper, slope: float) -> Coloured:
     """Noise of order 1 with a slope that is known."""
-    models = _models(one, slope)
-    variances = models[int(np.argmin(_cost(one.energy, models, one.sizes)))]
     shape = one.power @ _spectrum(np.array([slope]))
+    models = _models(one, shape)
+    variances = models[int(np.argmin(_cost(one.energy, models, one.sizes)))]
     size = float(_mean(variances - one.white, one.sizes) / _mean(shape, one.sizes))
     scale = _middle(_mean(one.energy / variances, one.sizes), float(one.sizes.sum()))
     return _whole(np.array([slope]), scale * size, scale * one.white)
