@@ -21,7 +21,6 @@ from .demonstration import shown
 from .diagnosis import (
     Diagnosis,
     Finding,
-    HowFar,
     LeftOutSamples,
     NextExperiment,
     Overlay,
@@ -137,7 +136,9 @@ class _Diagnosing:
         state, held = self._found(state, judge, looking=before.chance < LEVEL)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
+            named = dict(zip((item.key for item in held.found), names, strict=True))
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
+            names = [named[item.key] for item in held.found]
         experiment = self._next(state, held.found, names)
         seen_too = shows(whiten(whole.residual({})), blocks(whole.evidence))
         if not held.found and not before.is_noise and not seen_too:
@@ -145,7 +146,7 @@ class _Diagnosing:
         after = held.after
         # what no run that judges shows clearly is nothing to explain
         gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
-        verdict = _verdict(held.found, gap, after is not None and not after.is_noise)
+        verdict = _verdict(held, gap)
         effects = rows_of(held.found)
         return Diagnosis(
             robot=self.database.name,
@@ -158,7 +159,7 @@ class _Diagnosing:
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
             how_far=held.how_far,
-            unexplained=_unexplained(verdict, before, after or before, held.how_far),
+            unexplained=_unexplained(verdict, after or before, held),
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
@@ -228,10 +229,15 @@ class _Diagnosing:
             fit: Their joint fit.
             every: Every run was judged once; the last numbers may see them all.
         """
-        closer = judge.closer(held)
-        if closer is not None:
-            numbers, held = closer
-            last = polished(state.problem, self.level, judge.runs, fit, self.backend) if every else numbers[0]
+        before = held
+        numbers, held = judge.closer(held)
+        if len(held.found) < len(before.found):
+            fit = (
+                refined(state.problem, state.whiten, held.found, blocks(state.problem.evidence)) if held.found else fit
+            )
+        if numbers:
+            far = bool(held.numbers)
+            last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
             fit = last or fit
         return replace(held, found=tuple(replace(item, row=fit.rows[item.key]) for item in held.found)), fit
 
@@ -323,11 +329,11 @@ def _drawable(overlay: Overlay) -> Overlay:
     )
 
 
-def _verdict(found: Sequence[Found], before: bool, after: bool) -> Verdict:
-    """The verdict, from whether there is a gap before and after."""
-    if found:
-        return "partly_explained" if after else "explained"
-    return "unexplained" if before else "no_gap"
+def _verdict(held: Held, gap: bool) -> Verdict:
+    """The verdict, from what holds and whether there was a gap."""
+    if held.found:
+        return "explained" if held.adequate else "partly_explained"
+    return "unexplained" if gap else "no_gap"
 
 
 def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:
@@ -394,13 +400,11 @@ def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
     )
 
 
-def _unexplained(verdict: Verdict, before: Gap, after: Gap, how_far: HowFar) -> Unexplained:
+def _unexplained(verdict: Verdict, after: Gap, held: Held) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
-    if verdict in ("no_gap", "explained"):
+    if verdict == "no_gap" or held.open == 0.0:
         return Unexplained(0.0, {}, "")
-    by = how_far.shrinks_by
-    share = 1.0 if verdict == "unexplained" or by is None else float(min(1.0, (1.0 - by) ** 2))
     joints = {name: joint.share for name, joint in after.where.joints.items() if joint.share > 0.0}
     goes = after.where.depends_on[:2]
     looks = " and ".join(f"a function of {variable_in_words(one.variable)}" for one in goes if one.strength > 0.1)
-    return Unexplained(share, joints, looks or "nothing that one variable explains")
+    return Unexplained(held.open, joints, looks or "nothing that one variable explains")

@@ -57,6 +57,8 @@ class Evidence:
         creeps: Run -> speed below which joints stand.
         mixes: Run -> for each joint, what part of the coefficients of "tau" goes with those of "u" by noise alone;
             {} where a run has not both; () for none at all. It is taken out of "u", so that both are known apart.
+        asks: Run -> for each joint, what part of the noise of "u" the controller makes of its sensors'; the rest is
+            that of the torque which the measured motion takes. () for none at all.
     """
 
     runs: tuple[Prepared, ...]
@@ -66,6 +68,7 @@ class Evidence:
     masks: tuple[dict[str, Vector], ...]
     creeps: tuple[Vector, ...]
     mixes: tuple[Mapping[int, Vector], ...] = ()
+    asks: tuple[Mapping[int, float], ...] = ()
 
     def residual(self, robots: Sequence[Robot]) -> Vector:
         """Measured minus said of these robots, one a run, in units of noise, shape (N,)."""
@@ -102,6 +105,7 @@ class Evidence:
             tuple(self.masks[k] for k in kept),
             tuple(self.creeps[k] for k in kept),
             tuple(self.mixes[k] for k in kept) if self.mixes else (),
+            tuple(self.asks[k] for k in kept) if self.asks else (),
         )
 
     def _raw(self, number: int, robot: Robot) -> dict[str, list[Vector]]:
@@ -162,14 +166,16 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     channels: list[Channel] = []
     weights: list[Vector] = []
     mixes: list[dict[int, Vector]] = []
+    asks: list[dict[int, float]] = []
     place = 0
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         speech = said(nominal, run, nominal, creep)
         values = differences(run, speech)
-        mask = _masks(run, values, creep)
+        mask = _masks(run, values, creep, _sticking(nominal))
         masks.append(mask)
-        noise, mix = _noise(run, nominal, values, mask, creep)
+        noise, mix, asked = _noise(run, nominal, values, mask, creep)
         mixes.append(mix)
+        asks.append(asked)
         for signal, columns in noise.items():
             for index, sigma in enumerate(columns):
                 if not mask[signal][:, index].any():
@@ -178,7 +184,14 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
                 weights.append(1.0 / sigma)
                 place += len(sigma)
     return Evidence(
-        ready, tuple(nominals), tuple(channels), np.concatenate(weights), tuple(masks), creeps, tuple(mixes)
+        ready,
+        tuple(nominals),
+        tuple(channels),
+        np.concatenate(weights),
+        tuple(masks),
+        creeps,
+        tuple(mixes),
+        tuple(asks),
     )
 
 
@@ -189,7 +202,13 @@ def creep_of(run: Prepared) -> Vector:
     return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
-def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str, Vector]:
+def _sticking(robot: Robot) -> NDArray[np.bool_]:
+    """Joints with friction that sticks, shape (n,)."""
+    drives = [stage.drive for stage in robot.stages]
+    return np.array([any(term.kind == "level" for term in drive.terms) for drive in drives])
+
+
+def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: NDArray[np.bool_]) -> dict[str, Vector]:
     """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
     ndimage: Any = import_module("scipy.ndimage")
@@ -200,8 +219,8 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector) -> dict[str,
     period = 1.0 / (run.band * run.h)
     rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
     near = _widened(stands | turns, 0.5 * period) | _widened(rests, period)
-    # a joint that stands all the time still shows its load
-    unsure = near & (stands.mean(axis=0) < 0.7)
+    # a joint that stands all the time still shows its load, unless its friction may bear any of it
+    unsure = near & ((stands.mean(axis=0) < 0.7) | sticking)
     for joint in run.run.locked:
         # behind a clamped output it creeps from rest to rest, and shows its load on the way alone
         unsure[:, joint - 1] = (stands | turns)[:, joint - 1]
@@ -232,8 +251,11 @@ def _widened(flags: NDArray[np.bool_], samples: float) -> NDArray[np.bool_]:
 
 def _noise(
     run: Prepared, nominal: Robot, values: dict[str, Vector], masks: dict[str, Vector], creep: Vector
-) -> tuple[dict[str, list[Vector]], dict[int, Vector]]:
-    """Standard deviation of every coefficient for a perfect model, and what of "tau" is in "u" (see Evidence)."""
+) -> tuple[dict[str, list[Vector]], dict[int, Vector], dict[int, float]]:
+    """Standard deviation of every coefficient for a perfect model, and of "u" what is "tau" and what is asked for.
+
+    See `Evidence`.
+    """
     ndimage: Any = import_module("scipy.ndimage")
 
     random = np.random.default_rng(SEED)
@@ -244,15 +266,23 @@ def _noise(
         # alike about all axes
         one = models["ee_rot"]
         models["ee_rot"] = replace(one, sigma=np.repeat(one.sigma, 3), ar=np.repeat(one.ar, 3, axis=0))
+    plain = said(nominal, run, nominal, creep).u
+    asked, felt = np.zeros(run.run.n), np.zeros(run.run.n)
     for _ in range(DRAWS):
         extra = {name: sample(models[name], len(run.run.t), random) for name in names}
         other = prepared(run.run, run.band, extra)
-        changed = differences(other, said(nominal, other, nominal, creep))
+        speech = said(nominal, other, nominal, creep)
+        changed = differences(other, speech)
+        if plain is not None and speech.u is not None:
+            own = coefficients(run, {"u": speech.u - plain}, masks)["u"]
+            asked += [float(column @ column) for column in own]
         apart = {name: changed[name] - values[name] for name in values}
         parts = coefficients(run, apart, masks)
         drawn: dict[str, list[Vector]] = {
             name: [column**2 / DRAWS for column in columns] for name, columns in parts.items()
         }
+        if "u" in parts:
+            felt += [float(column @ column) for column in parts["u"]]
         if "tau" in parts and "u" in parts:
             drawn["both"] = [a * b / DRAWS for a, b in zip(parts["tau"], parts["u"], strict=True)]
         for name, columns in drawn.items():
@@ -273,7 +303,8 @@ def _noise(
         name: [np.sqrt(np.maximum(power, 1e-30 + 1e-6 * float(power.max()))) for power in columns]
         for name, columns in levels.items()
     }
-    return sigma, mix
+    share = np.minimum(asked / np.maximum(felt, 1e-300), 1.0)
+    return sigma, mix, {i: float(part) for i, part in enumerate(share)} if "u" in sigma else {}
 
 
 def sample(noise: ChannelNoise, m: int, random: np.random.Generator) -> Vector:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -23,6 +24,8 @@ LEAK = 0.2
 SHARED = 1.0e-12
 # standard deviations below what noise leaves of a channel from which less is no better
 CHANCE = 2.0
+# nobody knows how large an amount is plain: a cause may be so much smaller altogether, and pays for the choice
+SMALLER = (1.0, 0.3, 0.1, 0.03, 0.01)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +46,7 @@ class Linear:
 
 
 def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
-    """The most probable beta of r0 + slope beta ~ N(0, 1), beta ~ N(0, scale^2), beta >= lower.
+    """The most probable beta of r0 + slope beta ~ N(0, 1), beta ~ N(0, (s scale)^2), beta >= lower, s of SMALLER.
 
     Args:
         r0: Residual at beta = 0, over its spread, shape (N,).
@@ -51,25 +54,37 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
         scale: Prior spread of beta, shape (k,).
         lower: Least values, shape (k,).
     """
+    scaled = slope * scale
+    gram, moment = scaled.T @ scaled, scaled.T @ r0
+    options: list[tuple[float, float, Vector, float]] = []
+    for smaller in SMALLER:
+        x, volume = _most_probable(gram * smaller**2, moment * smaller, lower / (scale * smaller))
+        moved, prior = x * smaller, float(x @ x)
+        options.append(
+            (0.5 * float(2.0 * moment @ moved + moved @ gram @ moved + prior) + volume, volume, moved, prior)
+        )
+    _, volume, moved, prior = min(options, key=lambda option: option[0])
+    left = r0 + scaled @ moved
+    return Linear(moved * scale, left, float(left @ left) + prior, volume + math.log(len(SMALLER)))
+
+
+def _most_probable(gram: Vector, moment: Vector, least: Vector) -> tuple[Vector, float]:
+    """The best x of gram and moment beside a prior of unit spread, x >= least, and half of how much it is narrowed."""
     optimize: Any = import_module("scipy.optimize")
 
-    scaled = slope * scale
-    gram = scaled.T @ scaled
     # where noise is next to nothing, directions that two numbers share are told by the prior alone
-    gram = gram + np.eye(len(scale)) * (1.0 + SHARED * float(np.diagonal(gram).max()))
-    moment = scaled.T @ r0
-    x = -np.linalg.solve(gram, moment)
-    least = lower / scale
+    gram = gram + np.eye(len(least)) * (1.0 + SHARED * float(np.diagonal(gram).max()))
+    x = np.asarray(-np.linalg.solve(gram, moment), dtype=np.float64)
     if len(x) == 1:
         x = np.maximum(x, least)
     elif np.any(x < least):
         root = np.linalg.cholesky(gram).T
         target = -np.linalg.solve(root.T, moment)
-        x = np.asarray(optimize.lsq_linear(root, target, bounds=(np.minimum(least, -1e-12), np.inf)).x)
-    left = r0 + scaled @ x
+        bounds = (np.minimum(least, -1e-12), np.inf)
+        x = np.asarray(optimize.lsq_linear(root, target, bounds=bounds, method="bvls").x, dtype=np.float64)
     sign, logdet = np.linalg.slogdet(gram)
     assert sign > 0
-    return Linear(x * scale, left, float(left @ left + x @ x), 0.5 * float(logdet))
+    return x, 0.5 * float(logdet)
 
 
 @dataclass(frozen=True, slots=True)

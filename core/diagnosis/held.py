@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database
+from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .alike import Alike
@@ -22,7 +24,7 @@ from .noise import Noise, noise_floor
 from .nuisances import Whitening
 from .polish import polished
 from .problem import Problem
-from .refine import Refined, refined
+from .refine import Refined, refined, vanished
 from .resimulate import residuals, resimulated
 from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
@@ -51,6 +53,7 @@ class Held:
         how_far: How far the gap shrinks there.
         overlays: Its curves.
         after: The gap that is left; None where nothing was found.
+        numbers: Every split's fit with numbers from simulation, where it was by these that the findings hold; else ().
     """
 
     found: tuple[Found, ...]
@@ -60,6 +63,7 @@ class Held:
     how_far: HowFar
     overlays: tuple[Overlay, ...]
     after: Gap | None
+    numbers: tuple[Refined, ...] = ()
 
     @property
     def by(self) -> float:
@@ -70,6 +74,19 @@ class Held:
     def explains(self) -> bool:
         """Whether what is left is no more than noise."""
         return self.after is not None and self.after.is_noise
+
+    @property
+    def open(self) -> float:
+        """Part of the gap's energy that is left; 0 where that is noise, 1 where nobody knows."""
+        if self.explains:
+            return 0.0
+        by = self.how_far.shrinks_by
+        return 1.0 if not self.found or by is None else min(1.0, (1.0 - by) ** 2)
+
+    @property
+    def adequate(self) -> bool:
+        """Whether what is left is no more than noise, or than a law leaves whose form is not quite the real one's."""
+        return self.open < OTHER_FORM
 
     def dropped_but(self, other: Held) -> tuple[Rejected, ...]:
         """Those dropped here that another set of findings neither has nor drops."""
@@ -111,33 +128,68 @@ class Judge:
             dropped = (*dropped, *more)
         failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
+        numbers: tuple[Refined, ...] = ()
         while (idle := _idle(found, unseen.gains, how_far)) is not None:
+            if not numbers and (numbers := self._numbers(found, unseen, far=True)):
+                # right names may come with numbers that simulated do harm
+                other = replace(unseen, rows=_rows(found, numbers))
+                with suppress(RefusedError):
+                    closer = self._how_far(found, other)
+                    if (closer[0].shrinks_by or 0.0) > (how_far.shrinks_by or 0.0):
+                        unseen, (how_far, overlays, after) = other, closer
+                        continue
             dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
             found, unseen, more = self._kept([item for item in found if item is not idle])
-            dropped = (*dropped, *more)
+            dropped, numbers = (*dropped, *more), ()
             how_far, overlays, after = self._how_far(found, unseen)
-        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after)
+        numbers = numbers if found and unseen.rows == _rows(found, numbers) else ()
+        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers)
 
-    def closer(self, held: Held) -> tuple[list[Refined], Held] | None:
-        """Every split's fit with numbers from simulation, and what holds so, where the gap shrinks no less by them."""
+    def closer(self, held: Held) -> tuple[list[Refined], Held]:
+        """Every split's fit with numbers from simulation and what holds so; none where the gap shrinks less by them.
+
+        What comes to nothing there was the motion's and not the robot's: it goes, and the others are fitted again.
+        """
+        numbers, rest = held.numbers, held
+        if not numbers:
+            numbers = self._numbers(held.found, held.unseen)
+            if not numbers:
+                return [], held
+            try:
+                how_far, overlays, after = self._how_far(
+                    held.found, replace(held.unseen, rows=_rows(held.found, numbers))
+                )
+            except RefusedError:
+                return [], held
+            if (how_far.shrinks_by or 0.0) < held.by - HARMS:
+                return [], held
+            rest = replace(held, how_far=how_far, overlays=overlays, after=after)
+        by, without = rest.by, rest.how_far.without
+        idle = {
+            item.key
+            for item in held.found
+            if by <= (without.get(name_of(item)) or 0.0) and all(vanished(number, item) for number in numbers)
+        }
+        if idle:
+            rest = self.held([item for item in held.found if item.key not in idle])
+            gone = tuple(Rejected(item.effect, item.place, GONE) for item in held.found if item.key in idle)
+            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped))
+            return self.closer(rest) if rest.found else ([], rest)
+        return list(numbers), rest
+
+    def _numbers(self, found: Sequence[Found], unseen: Unseen, *, far: bool = False) -> tuple[Refined, ...]:
+        """Every split's fit with numbers from simulation; () where there is none."""
         self.tell("numbers from simulation")
         numbers: list[Refined] = []
-        for way, old in zip(self.ways, held.unseen.rows, strict=True):
+        for way, old in zip(self.ways, unseen.rows, strict=True):
             part = self.whole.only(way.seen)
-            there = [replace(item, row=row) for item, row in zip(held.found, old, strict=True)]
+            there = [replace(item, row=row) for item, row in zip(found, old, strict=True)]
             fit = refined(part, self.whiten.only(self.whole.evidence.places(way.seen)), there, blocks(part.evidence))
-            number = polished(part, self.level, [self.runs[k] for k in way.seen], fit, self.backend)
+            number = polished(part, self.level, [self.runs[k] for k in way.seen], fit, self.backend, far=far)
             if number is None:
-                return None
+                return ()
             numbers.append(number)
-        rows = tuple(tuple(number.rows[item.key] for item in held.found) for number in numbers)
-        try:
-            how_far, overlays, after = self._how_far(held.found, replace(held.unseen, rows=rows))
-        except RefusedError:
-            return None
-        if (how_far.shrinks_by or 0.0) < held.by - HARMS:
-            return None
-        return numbers, replace(held, how_far=how_far, overlays=overlays, after=after)
+        return tuple(numbers)
 
     def told_apart(
         self, found: Sequence[Found], names: Sequence[tuple[Alike, ...]]
@@ -196,6 +248,8 @@ class Judge:
                     else share
                     for item, share in zip(kept, unseen.shares, strict=True)
                 ]
+                # the first cause of a gap is no second one, however small its part of every channel is
+                shares[int(np.argmax(gains))] = math.inf
                 worst = int(np.argmin(shares))
                 if shares[worst] >= OTHER_FORM:
                     return kept, unseen, tuple(dropped)
@@ -294,6 +348,11 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
         helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
     least = int(np.argmin(helps))
     return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
+
+
+def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:
+    """Findings' rows in every split."""
+    return tuple(tuple(number.rows[item.key] for item in found) for number in numbers)
 
 
 def _smaller(gain: Found) -> bool:

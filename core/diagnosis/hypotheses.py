@@ -37,10 +37,13 @@ WITHIN = 0.98
 FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 # times the median power of all orders that a wave's is
 STANDS_OUT = 8.0
-# what lets a motor move before a clamped output
-_TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+_WAVES = ("transmission_error", "torque_ripple")
+# turns of one wave in turns of another that goes with it
+_TOGETHER = ((1, 1), (2, 1), (3, 1), (1, 2), (1, 3))
+TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 # where no torque is measured only their product shows
 _SAME_UNSEEN = ("controller_gain", "torque_constant")
+# what lets a motor move before a clamped output
 GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
@@ -177,8 +180,28 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
             existing = problem.row_at(name, at, rows)
             known = dict(existing.values) if existing else None
             maker = _FORMS.get(name, _plugin)
-            found += [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
+            made = [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
+            if name in _WAVES:
+                made = [h for h in made if not _harmonic(h, rows, 2.0 * np.pi / scales.way[at - 1])]
+            found += made
     return found
+
+
+def _harmonic(wave: Hypothesis, rows: Rows, apart: float) -> bool:
+    """Whether a wave goes with one that was found at its joint: no error of a gear or a motor is a pure sine.
+
+    Args:
+        wave: What is asked about.
+        rows: What was found.
+        apart: Cycles by which these runs can tell two waves apart.
+    """
+    values = wave.values(wave.scale)
+    if values is None:
+        return False
+    ratios = [
+        (row.values["cycles"], values["cycles"]) for name in _WAVES for row in rows.get(name, ()) if row.at == wave.at
+    ]
+    return any(abs(k * other - m * own) < apart for other, own in ratios for k, m in _TOGETHER)
 
 
 def twins_of(problem: Problem) -> set[tuple[str, int]]:
@@ -553,11 +576,11 @@ def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values
         values = point(beta[:4])
         if values is None or values["mass"] <= 1e-9:
             return values
-        return values | {c: values[c] + float(b) for c, b in zip(_TENSOR, beta[4:], strict=True)}
+        return values | {c: values[c] + float(b) for c, b in zip(TENSOR, beta[4:], strict=True)}
 
     lower = np.array([-start["mass"], *[-np.inf] * 3])
-    mass, tensor = np.array([m, m * x, m * x, m * x]), np.full(len(_TENSOR), m * x * x)
-    free = np.full(len(_TENSOR), -np.inf)
+    mass, tensor = np.array([m, m * x, m * x, m * x]), np.full(len(TENSOR), m * x * x)
+    free = np.full(len(TENSOR), -np.inf)
     return [
         Hypothesis(name, 0, "point", point, mass, lower, carried=True),
         Hypothesis(name, 0, "body", body, np.append(mass, tensor), np.append(lower, free), carried=True),
@@ -573,7 +596,7 @@ def _arm(problem: Problem, scales: Scales, name: str, at: int, known: Values | N
     m = max(problem.database.inertias[at - 1].mass, 0.05 * scales.mass)
     x = 0.2 * scales.length
     masses = {"mass": m, "mx": m * x, "my": m * x, "mz": m * x}
-    tensor: dict[str, float] = dict.fromkeys(_TENSOR, m * x * x)
+    tensor: dict[str, float] = dict.fromkeys(TENSOR, m * x * x)
     return [
         _added(name, at, known, masses, form="mass"),
         _added(name, at, known, tensor, form="tensor"),

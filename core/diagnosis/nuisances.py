@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 
 from ..build import assembled
 from ..database import Database, Tolerance
-from ..effects import EffectRow
 from .evidence import ahead, coefficients
 from .inverse import LIGHT
-from .model import Rows
 from .problem import Problem
 
 Vector = NDArray[np.float64]
@@ -73,9 +71,6 @@ def whitening(problem: Problem) -> Whitening:
     for name, change in _variations(problem.database, problem.database.tolerance):
         names.append(name)
         columns.append(_varied(problem, change) - base)
-    for name, rows in _rotors(problem):
-        names.append(name)
-        columns.append(problem.residual(rows) - base)
     for name, column in (*_shifts(problem), *_clamps(problem)):
         names.append(name)
         columns.append(column)
@@ -110,15 +105,6 @@ def _variations(database: Database, sigma: Tolerance) -> Iterator[tuple[str, Cal
             step = sigma.length if name in ("a", "d") else sigma.angle
             if step:
                 yield f"{name} of arm_{i + 1}", _length(i, name, step)
-
-
-def _rotors(problem: Problem) -> Iterator[tuple[str, Rows]]:
-    """Rotor inertias that the robot is known to have: moments of inertia as any others."""
-    sigma = problem.database.tolerance.inertia
-    for row in problem.known.get("rotor_inertia", ()) if sigma else ():
-        value = row.values["inertia"] * (1.0 + sigma)
-        moved = EffectRow(row.at, {**row.values, "inertia": value})
-        yield f"rotor inertia of joint_{row.at}", {"rotor_inertia": (moved,)}
 
 
 def _inertia(i: int, steps: Mapping[str, float]) -> Callable[[Database], Database]:

@@ -26,16 +26,21 @@ from .resimulate import compared, linear, residuals, resimulated
 
 Vector = NDArray[np.float64]
 
-ROUNDS = 1
-# simulations that are worth it
+# rounds of it, and where the numbers are so far off that simulated they help nothing
+ROUNDS, ROUNDS_FROM_AFAR = 1, 4
+# simulations that are worth it, a round
 MOST_SIMULATIONS = 40
-# what the evidence along the motion knows holds a number this many of its standard deviations loosely
-LOOSE = 10.0
+# what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
+LOOSE, LOOSER = 10.0, 100.0
+# of a step that overshoots
+PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
 LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
 
 
-def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, backend: str) -> Refined | None:
+def polished(
+    problem: Problem, level: str, runs: Sequence[Run], fit: Refined, backend: str, *, far: bool = False
+) -> Refined | None:
     """A fit with its numbers from simulation; None where that takes too long, cannot be, or gains nothing.
 
     What the database's tolerances may do is taken out, as along the measured motion.
@@ -46,11 +51,12 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         runs: That were fitted.
         fit: Along their measured motion.
         backend: The engine.
+        far: The numbers are expected to be far off.
 
     Returns:
         The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
     """
-    if not fit.free or (ROUNDS * (len(fit.free) + 2)) * len(runs) > MOST_SIMULATIONS or any(run.locked for run in runs):
+    if not fit.free or (len(fit.free) + 2) * len(runs) > MOST_SIMULATIONS or any(run.locked for run in runs):
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
@@ -58,7 +64,7 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
     limits: Vector = np.array([bounds_of(problem, *key) for key in fit.free], dtype=float)
     size = np.maximum(np.abs(start), sigma)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
-    weight = 1.0 / np.maximum(LOOSE * sigma, 1e-3 * step)
+    weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left(x: Vector) -> list[Vector]:
@@ -71,24 +77,41 @@ def polished(problem: Problem, level: str, runs: Sequence[Run], fit: Refined, ba
         x = start
         before = now = left(x)
         slopes: list[Vector] = []
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS_FROM_AFAR if far else ROUNDS):
             slopes = _slopes(left, now, x, step, limits)
             normal, gradient = np.diag(weight**2), weight**2 * (x - start)
             for part, slope, beside in zip(now, slopes, loose.without(slopes), strict=True):
                 normal = normal + np.einsum("mck,mcl->kl", slope, beside)
                 gradient = gradient + np.einsum("mck,mc->k", beside, part)
-            there: Vector = np.asarray(x - np.linalg.solve(normal, gradient), dtype=float)
-            there = np.minimum(np.maximum(there, limits[:, 0]), limits[:, 1])
-            trial = left(there)
-            if cost(trial, there) >= cost(now, x):
+            way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
+            better = _better(left, cost, cost(now, x), x, way, limits, PARTS if far else PARTS[:1])
+            if better is None:
                 break
-            x, now = there, trial
+            x, now = better
     except RefusedError:
         return None
     if cost(now, x) >= cost(before, start):
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
     return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
+
+
+def _better(
+    left: Callable[[Vector], list[Vector]],
+    cost: Callable[[Sequence[Vector], Vector], float],
+    least: float,
+    x: Vector,
+    way: Vector,
+    limits: Vector,
+    parts: Sequence[float],
+) -> tuple[Vector, list[Vector]] | None:
+    """Numbers on the way of a step that cost less, and what they leave; None where none do."""
+    for part in parts:
+        there = np.minimum(np.maximum(x + part * way, limits[:, 0]), limits[:, 1])
+        trial = left(there)
+        if cost(trial, there) < least:
+            return there, trial
+    return None
 
 
 def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:

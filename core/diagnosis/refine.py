@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .fit import Part, spread
-from .model import tables
+from .model import Rows, tables
 from .nuisances import Whitening
 from .problem import Problem
 
@@ -31,10 +32,16 @@ _FACTORS = (("controller_gain", "kp"), ("controller_gain", "kd"), ("torque_const
 MOST_TIMES = 20.0
 # of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
 SLOWEST = 2.0
+# and the largest, as part of the fastest that the joint goes
+FASTEST = 0.5
 # part of a tick at either end of it that a delay keeps from
 EDGE = 0.005
 # and where it begins in the next; how far it goes so, as long as so much of the sum of squares goes each time
 BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
+# how far geometry may be off [rad, and of an arm's length], an arm's length as part of the robot's, and the least extra
+# mass of an arm that has a center, as part of the arm's; how thick that mass may be, in masses of the arm x length^2
+LOOSE, PART_OF_REACH, LIGHT, THIN = 0.05, 0.2, 0.02, 0.01
+_ON_TIME = EffectRow(0, {"time": 0.0})
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
 
@@ -92,6 +99,17 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
         values[effect, at][name] = min(max(values[effect, at][name] + step, low), high)
     rows = {place: EffectRow(place[1], one) for place, one in values.items()}
     return Removal(0.5 * float(change @ weight), rows)
+
+
+def vanished(fit: Refined, item: Found) -> bool:
+    """Whether the 95 % interval of every amount of a finding holds what it is where there is none of it."""
+    absent = _ON_TIME if item.effect == "delay" else item.absent
+    amounts = [k for k, (effect, at, name) in enumerate(fit.free) if (effect, at) == item.key and name not in _SHAPES]
+    if absent is None or not amounts:
+        return False
+    value, none = fit.rows[item.key].values, absent.values
+    away = np.array([value[fit.free[k][2]] - none[fit.free[k][2]] for k in amounts])
+    return bool(np.all(np.abs(away) <= 1.96 * np.sqrt(np.maximum(np.diagonal(fit.covariance)[amounts], 0.0))))
 
 
 def free_columns(effect: str, row: EffectRow) -> list[str]:
@@ -165,11 +183,12 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         return {key: EffectRow(key[1], v) for key, v in values.items()}
 
     def residual(x: Vector) -> Vector:
-        return whiten(problem.misfit(tables(rows_at(x))))
+        return left_with(problem, whiten, tables(rows_at(x)))
 
     def whitened(x: Vector, sigma: Vector) -> Vector:
-        return residual(x) / sigma
+        return np.concatenate([residual(x) / sigma, held.apart(x * size)])
 
+    held = _Plain.of(problem, free)
     x = np.clip(start / size, low + 1e-12, high)
     sigma = spread(residual(x), parts)
     sigma_last = sigma
@@ -187,12 +206,101 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         )
         x = np.asarray(solution.x)
         sigma_last = sigma
-        sigma = spread(np.asarray(solution.fun) * sigma, parts)
+        sigma = spread(np.asarray(solution.fun)[: len(sigma)] * sigma, parts)
     left = residual(x)
     jacobian = np.asarray(solution.jac)
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.outer(size, size)
-    slope = jacobian * sigma_last[:, None] / size
+    slope = jacobian[: len(left)] * sigma_last[:, None] / size
     return Refined(rows_at(x), left, free, covariance, slope)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plain:
+    """What numbers are where no run shows them, loosely: geometry as it is known, an arm's extra mass at a point.
+
+    Attributes:
+        angles: Places of the errors of geometry among the numbers that are fitted.
+        loose: Standard deviation of each.
+        arms: Places of an arm's extra mass, its first moments, and its moments of inertia where they are fitted; the
+            arm's mass.
+        length: What is long for an arm.
+    """
+
+    angles: tuple[int, ...]
+    loose: Vector
+    arms: tuple[tuple[dict[str, int], float], ...]
+    length: float
+
+    @staticmethod
+    def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> _Plain:
+        length = PART_OF_REACH * max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
+        angles = tuple(k for k, (effect, _, _) in enumerate(free) if effect == "kinematic_error")
+        loose = np.array([LOOSE * length if free[k][2] in ("a", "d") else LOOSE for k in angles])
+        arms: dict[int, dict[str, int]] = {}
+        for k, (effect, at, name) in enumerate(free):
+            if effect == "link_inertia":
+                arms.setdefault(at, {})[name] = k
+        mass = {at: problem.database.inertias[at - 1].mass for at in arms}
+        heavy = max(1e-3, *(body.mass for body in problem.database.inertias))
+        return _Plain(angles, loose, tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items()), length)
+
+    def apart(self, values: Vector) -> Vector:
+        """By how many standard deviations numbers differ from that, shape (p,)."""
+        parts = [values[list(self.angles)] / self.loose]
+        for names, mass in self.arms:
+            if "mass" not in names or "Ixx" not in names:
+                continue
+            there = {name: float(values[k]) for name, k in names.items()}
+            point = at_a_point(there, LIGHT * mass)
+            size = THIN * mass * self.length**2
+            parts.append(np.array([(there[name] - point[name]) / size for name in point if name in there]))
+        return np.concatenate(parts)
+
+
+def at_a_point(body: Mapping[str, float], least: float) -> dict[str, float]:
+    """Moments of inertia about the frame's origin of an extra mass at its center.
+
+    Args:
+        body: mass and first moments mx, my, mz.
+        least: Mass below which it has no center.
+    """
+    mass = body["mass"]
+    x, y, z = (body.get(name, 0.0) for name in ("mx", "my", "mz"))
+    by = math.copysign(max(abs(mass), least), mass)
+    square = x * x + y * y + z * z
+    return {
+        "Ixx": (square - x * x) / by,
+        "Iyy": (square - y * y) / by,
+        "Izz": (square - z * z) / by,
+        "Ixy": -x * y / by,
+        "Ixz": -x * z / by,
+        "Iyz": -y * z / by,
+    }
+
+
+def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
+    """What is left with these rows, whitened, in units of noise, shape (N,).
+
+    What the motion takes and the controller did not ask for is smaller, whatever its cause, for a controller that is
+    said to ask for less, and so is what it makes of its sensors' noise. There both count by what that controller makes
+    of them, or one that does next to nothing would explain everything.
+    """
+    left = whiten(problem.misfit(rows))
+    asks = problem.evidence.asks
+    weaker = {
+        row.at: part
+        for row in rows.get("controller_gain", ())
+        if (part := math.sqrt(row.values["kp"] * row.values["kd"])) < 1.0
+    }
+    for channel in problem.evidence.channels:
+        if channel.signal == "u" and (part := weaker.get(channel.index + 1)):
+            here = left[channel.first : channel.last]
+            own = asks[channel.run][channel.index] if asks else 1.0
+            square = float(np.mean(here**2))
+            noise = own * part**2 + 1.0 - own
+            counts = 1.0 + (square / noise - 1.0) / part**2 if square > noise else square / noise
+            here *= math.sqrt(counts / max(square, 1e-300))
+    return left
 
 
 def _row(found: Sequence[Found], effect: str, at: int) -> EffectRow:
@@ -219,8 +327,10 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
         # differences are taken upwards
         low, high = max(low, (number + EDGE) * tick), (number + 1.0 - EDGE) * tick
     if (effect, name) == ("stribeck_friction", "velocity"):
-        # slower than that a joint counts as standing
+        # slower than that a joint counts as standing; faster than it ever goes by far is Coulomb's law
         low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))
+        fastest = max(float(np.abs(run.dq[:, at - 1]).max()) for run in problem.evidence.runs)
+        high = max(FASTEST * fastest, 2.0 * low)
     if (effect, name) in _FACTORS:
         # what is said of a drive is of its order
         low, high = 1.0 / MOST_TIMES, MOST_TIMES

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from .fit import Linear, Part, blocks, gained, linear, spread
-from .hypotheses import GIVING, STEP, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of, twins_of
+from .hypotheses import GIVING, STEP, TENSOR, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of, twins_of
 from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import Refined, free_columns, refined, removal
+from .refine import LIGHT, Refined, at_a_point, free_columns, refined, removal
 
 Vector = NDArray[np.float64]
 
@@ -190,6 +190,11 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         fit = refined(problem, whiten, trial, parts)
         fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
         unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
+        if unreal and (whole := _embodied(problem, fitted, unreal)) is not None:
+            # a mass has moments of inertia where it is
+            fit = refined(problem, whiten, whole, parts)
+            trial, fitted = whole, [replace(item, row=fit.rows[item.key]) for item in whole]
+            unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
         if unreal:
             # what cannot exist is not there, and what never slips is a spring; the others try again
             state.banned |= unreal
@@ -263,6 +268,21 @@ def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, i
         return set()
     faults = problem.impossible(rows_of(found))
     return {item.key for item in heavy if faults[item.at - 1]}
+
+
+def _embodied(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
+    """Findings with extra masses at points where without moments of inertia they are no bodies; None: no such."""
+
+    def thin(item: Found) -> bool:
+        values = item.row.values
+        return item.key in unreal and item.effect == "link_inertia" and not any(values[name] for name in TENSOR)
+
+    def whole(item: Found) -> Found:
+        least = LIGHT * max(problem.database.inertias[item.at - 1].mass, 1e-3)
+        values = {**item.row.values, **at_a_point(item.row.values, least)}
+        return replace(item, row=EffectRow(item.at, values))
+
+    return [whole(item) if thin(item) else item for item in found] if any(map(thin, found)) else None
 
 
 def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:

@@ -14,7 +14,7 @@ from ..recording import Run
 from .fit import Part, blocks, gained, spread
 from .nuisances import Whitening
 from .problem import FAR, Problem
-from .refine import Refined, refined, removal
+from .refine import Refined, left_with, refined, removal
 from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
@@ -200,4 +200,4 @@ class _Part:
         return refined(self.problem, self.whiten, found, self.parts)
 
     def left(self, found: Sequence[Found]) -> Vector:
-        return self.whiten(self.problem.misfit(rows_of(found)))
+        return left_with(self.problem, self.whiten, rows_of(found))

@@ -255,11 +255,13 @@ def how_far_in_words(diagnosis: Diagnosis) -> str:
 def open_in_words(diagnosis: Diagnosis) -> str:
     """What is left, in one sentence; "" where that is nothing."""
     rest = diagnosis.unexplained
-    if diagnosis.verdict in ("no_gap", "explained") or rest.share <= 0.0:
+    if diagnosis.verdict == "no_gap" or rest.share <= 0.0:
         return ""
     joints = [name for name, share in sorted(rest.joints.items(), key=lambda item: -item[1]) if share > 0.1][:2]
     at = f", most of it at {listed(place_in_words(name) for name in joints)}" if joints else ""
     looks = rest.looks_like.strip().rstrip(".")
+    if diagnosis.verdict == "explained":
+        at += ", no more than a law leaves whose form is not quite the real one's"
     return f"Not explained: {percent(rest.share)} of the gap's energy{at}{'; it looks like ' + looks if looks else ''}."
 
 

@@ -262,7 +262,7 @@ class DiagnosisWhere(Section):
             "share": percent(answer.unexplained.share),
             "looks": answer.unexplained.looks_like.strip().rstrip("."),
             "left": [(capitalised(place_in_words(name)), _bar(share)) for name, share in left if share >= SHOWN],
-            "explained": answer.verdict == "explained",
+            "open": answer.verdict != "no_gap" and answer.unexplained.share > 0.0,
             "found": bool(answer.which),
         }
 

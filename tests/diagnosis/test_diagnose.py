@@ -84,6 +84,16 @@ def test_a_run_cannot_judge_itself():
         mbexport.diagnose("pendulum", [run], [run])
 
 
+def test_what_a_law_of_another_form_leaves_is_told_and_not_open():
+    # friction that rises a little more slowly than a law of the catalogue has it
+    answer = mbexport.diagnose("pendulum", runs(lambda t, q, dq: 1.2 * dq - 0.02 * dq**3), level="rigid", backends=[])
+    assert answer.which[0].effect == "viscous_friction"
+    assert answer.verdict == "explained"
+    assert 0.0 <= answer.unexplained.share < 0.05
+    if answer.unexplained.share:
+        assert "no more than a law leaves" in answer.summary()
+
+
 def far(total, without, sure):
     nothing = {}
     return HowFar(nothing, nothing, nothing, total, sure, nothing, without=without)

@@ -7,12 +7,15 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
-from mbexport.core.diagnosis.fit import Part, blocks, gained, spread
+from mbexport.core.database.bodies import fault_of
+from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
+from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import refined, removal
+from mbexport.core.diagnosis.refine import at_a_point, left_with, refined, removal, vanished
 from mbexport.core.diagnosis.search import Found, Search, rows_of, search, without_bodies
 from mbexport.core.effects import EffectRow, effect_named
+from mbexport.core.representation import Inertia
 
 from .pendulums import KD, KP, command, pendulum_run
 
@@ -95,6 +98,70 @@ def test_below_noise_nothing_is_gained():
     # a gap that goes down to the noise counts in full
     assert gained(3.0 * noise, noise, one, parts) == pytest.approx(4.0 * noise @ noise)
     assert gained(noise, 3.0 * noise, one, parts) == -gained(3.0 * noise, noise, one, parts)
+
+
+def test_a_small_amount_pays_for_its_choice_and_not_for_how_large_it_might_have_been():
+    random = np.random.default_rng(0)
+    slope = np.outer(random.normal(size=400), [1000.0])
+    left = random.normal(size=400) + 0.01 * slope[:, 0]
+
+    def gain(scale):
+        fit = linear(left, slope, np.array([scale]), np.array([-np.inf]))
+        return (
+            0.5 * float(left @ left - fit.left @ fit.left) - 0.5 * (fit.cost - float(fit.left @ fit.left)) - fit.volume
+        )
+
+    assert gain(1.0) == pytest.approx(gain(0.1), abs=0.1)
+    # what is at its bound leaves what was there
+    none = linear(left, slope, np.ones(1), np.zeros(1))
+    np.testing.assert_array_equal(none.left, left)
+
+
+def test_a_controller_that_does_nothing_explains_nothing():
+    asked = question(lambda t, q, dq: 0.8 * math.sin(40.0 * q))
+    whiten = whitening(asked)
+
+    def asks(part):
+        left = left_with(asked, whiten, {"controller_gain": (EffectRow(1, {"kp": part, "kd": part}),)})
+        return sum(float(np.sum(left[c.first : c.last] ** 2)) for c in asked.evidence.channels if c.signal == "u")
+
+    assert asks(0.05) > 2.0 * asks(1.0)
+
+
+def test_the_second_harmonic_of_a_wave_is_no_second_cause():
+    asked = question(lambda t, q, dq: 0.3 * math.sin(20.0 * q) + 0.15 * math.sin(40.0 * q))
+    state, _ = found(asked)
+    assert [(item.effect, item.place) for item in state.found] == [("torque_ripple", "joint_1")]
+    rows = rows_of(state.found)
+    there = [h for h in hypotheses(asked, rows, scales_of(asked, rows), [("torque_ripple", 1)]) if "cycles" in row(h)]
+    apart = 2.0 * np.pi / scales_of(asked, rows).way[0]
+    assert all(abs(row(h)["cycles"] - 40.0) > 0.9 * apart for h in there)
+
+
+def row(hypothesis: Hypothesis):
+    return hypothesis.values(hypothesis.scale) or {}
+
+
+def test_an_extra_mass_at_a_point_is_a_body():
+    extra = {"mass": 0.4, "mx": 0.1, "my": -0.04, "mz": 0.02}
+    about_origin = at_a_point(extra, 1e-3)
+    x, y, z = (extra[name] / extra["mass"] for name in ("mx", "my", "mz"))
+    point = Inertia(extra["mass"], (x, y, z), 1e-12, 1e-12, 1e-12)
+    assert fault_of(point) is None
+    # Steiner, by hand
+    assert about_origin["Ixx"] == pytest.approx(0.4 * (y * y + z * z))
+    assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
+
+
+def test_what_simulation_takes_to_nothing_has_vanished():
+    asked = question(lambda t, q, dq: 0.4 * dq)
+    whiten = whitening(asked)
+    columns = ("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}))
+    friction = Found(*columns, 50.0, EffectRow(1, {"coefficient": 0.0}))
+    fit = refined(asked, whiten, [friction], blocks(asked.evidence))
+    assert not vanished(fit, friction)
+    none = replace(fit, rows={friction.key: EffectRow(1, {"coefficient": 1e-6})})
+    assert vanished(none, friction)
 
 
 def test_a_delay_is_fitted_across_the_edge_of_a_tick():
