@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from ..effects import effect_named
 from .fit import blocks, gained, spread
+from .hypotheses import twins_of
+from .problem import Problem
 from .refine import Refined, refined
 from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, without_bodies
 
@@ -24,15 +26,19 @@ class Alike:
         found: It in the finding's place, with its best numbers.
         worse: Log evidence that it falls short by.
         leaves: What it leaves more, as part of the energy that the finding takes.
+        one_body: Both are names of one body.
     """
 
     found: Found
     worse: float
     leaves: float
+    one_body: bool = False
 
     @property
     def because(self) -> str:
         """The reason as a sentence's end."""
+        if self.one_body:
+            return "what hangs at the last arm and that arm are one body, which no motion tells apart"
         if self.worse < 0.0:
             return "it fits these runs as well"
         if self.leaves < ALIKE_SHARE:
@@ -67,10 +73,11 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     for contender in contenders(state, parts, [item.key]):
         more = (float(contender.left @ contender.left) - whole) / energy
         worse = gained(contender.left, fit.left, sigma, parts)
-        if more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
+        twin = one_body(problem, contender.hypothesis.key, item.key)
+        if twin or more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
             near.setdefault(contender.hypothesis.key, contender)
     out: list[Alike] = []
-    for contender in list(near.values())[:TRIED]:
+    for contender in sorted(near.values(), key=lambda one: not one_body(problem, one.hypothesis.key, item.key))[:TRIED]:
         rows = contender.hypothesis.rows(contender.beta)
         if rows is None:
             continue
@@ -78,13 +85,21 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         other = refined(problem, whiten, [*state.found, Found(*key, rows[key[0]][0], contender.gain)], parts)
         worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
-        # what leaves much less is no other name for it
         named = Found(*key, other.rows[key], contender.gain)
+        if one_body(problem, key, item.key):
+            out.append(Alike(named, worse, leaves, one_body=True))
+            continue
         if without_bodies(problem, [named]):
             continue
+        # what leaves much less is no other name for it
         if leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
+
+
+def one_body(problem: Problem, one: tuple[str, int], other: tuple[str, int]) -> bool:
+    """Whether two names are of one body, which no motion tells apart."""
+    return {one, other} == twins_of(problem)
 
 
 def _numbers(effect: str) -> float:

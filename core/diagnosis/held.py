@@ -212,7 +212,9 @@ class Judge:
                 tuple(
                     one
                     for one, less in zip(others, short[1:], strict=True)
-                    if less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
+                    if one.one_body
+                    or less.nats - short[0].nats < THRESHOLD
+                    or less.share - short[0].share < ALIKE_SHARE
                 )
             )
         changed = any(one is not other for one, other in zip(best, found, strict=True))

@@ -38,6 +38,8 @@ FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
 # times the median power of all orders that a wave's is
 STANDS_OUT = 8.0
 _WAVES = ("transmission_error", "torque_ripple")
+# waves go together whose cycles do but for this many that runs can tell apart
+NEAR = 2.0
 # turns of one wave in turns of another that goes with it
 _TOGETHER = ((1, 1), (2, 1), (3, 1), (1, 2), (1, 3))
 TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
@@ -182,7 +184,7 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
             maker = _FORMS.get(name, _plugin)
             made = [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
             if name in _WAVES:
-                made = [h for h in made if not _harmonic(h, rows, 2.0 * np.pi / scales.way[at - 1])]
+                made = [h for h in made if not _harmonic(h, rows, NEAR * 2.0 * np.pi / scales.way[at - 1])]
             found += made
     return found
 
