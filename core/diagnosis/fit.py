@@ -138,13 +138,14 @@ def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) 
         sigma: Spread that both are judged by.
         parts: Bands of channels.
     """
-    total = 0.0
-    for begin, end in sorted({(part.begin, part.end) for part in parts}):
-        here = slice(begin, end)
-        floor = (end - begin) - CHANCE * float(np.sqrt(2.0 * (end - begin)))
-        had, has = float(np.sum(before[here] ** 2)), float(np.sum(after[here] ** 2))
-        gain = float(np.sum((before[here] / sigma[here]) ** 2) - np.sum((after[here] / sigma[here]) ** 2))
-        if (more := abs(had - has)) > 0.0:
-            gain *= abs(max(had, floor) - max(has, floor)) / more
-        total += gain
-    return 0.5 * total
+    channels = sorted({(part.begin, part.end) for part in parts})
+    starts = [begin for begin, _ in channels]
+    count = np.array([end - begin for begin, end in channels])
+    floor = count - CHANCE * np.sqrt(2.0 * count)
+    squares = np.stack([before, after]) ** 2
+    had, has = np.add.reduceat(squares, starts, axis=1)
+    less, weighed = had - has, np.add.reduceat((squares[0] - squares[1]) / sigma**2, starts)
+    counts = np.maximum(had, floor) - np.maximum(has, floor)
+    return 0.5 * float(
+        np.sum(weighed * np.divide(np.abs(counts), np.abs(less), out=np.ones(len(count)), where=less != 0))
+    )
