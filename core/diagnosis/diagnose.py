@@ -229,17 +229,14 @@ class _Diagnosing:
             fit: Their joint fit.
             every: Every run was judged once; the last numbers may see them all.
         """
-        before = held
-        numbers, held = judge.closer(held)
-        if len(held.found) < len(before.found):
-            fit = (
-                refined(state.problem, state.whiten, held.found, blocks(state.problem.evidence)) if held.found else fit
-            )
+        numbers, kept = judge.closer(held)
+        if kept.found and len(kept.found) < len(held.found):
+            fit = refined(state.problem, state.whiten, kept.found, blocks(state.problem.evidence))
         if numbers:
-            far = bool(held.numbers)
+            far = bool(kept.numbers)
             last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
             fit = last or fit
-        return replace(held, found=tuple(replace(item, row=fit.rows[item.key]) for item in held.found)), fit
+        return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 
     def _found_so_far(self, what: str) -> None:
         self.tell(f"found {what}, looking on")

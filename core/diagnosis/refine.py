@@ -15,6 +15,7 @@ from ..effects import EffectRow, effect_named
 from .fit import Part, spread
 from .model import Rows, tables
 from .nuisances import Whitening
+from .plain import Plain
 from .problem import Problem
 
 if TYPE_CHECKING:
@@ -38,9 +39,6 @@ FASTEST = 0.5
 EDGE = 0.005
 # and where it begins in the next; how far it goes so, as long as so much of the sum of squares goes each time
 BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
-# how far geometry may be off [rad, and of an arm's length], an arm's length as part of the robot's, and the least extra
-# mass of an arm that has a center, as part of the arm's; how thick that mass may be, in masses of the arm x length^2
-LOOSE, PART_OF_REACH, LIGHT, THIN = 0.05, 0.2, 0.02, 0.01
 _ON_TIME = EffectRow(0, {"time": 0.0})
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
@@ -188,7 +186,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     def whitened(x: Vector, sigma: Vector) -> Vector:
         return np.concatenate([residual(x) / sigma, held.apart(x * size)])
 
-    held = _Plain.of(problem, free)
+    held = Plain.of(problem, free)
     x = np.clip(start / size, low + 1e-12, high)
     sigma = spread(residual(x), parts)
     sigma_last = sigma
@@ -212,70 +210,6 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.outer(size, size)
     slope = jacobian[: len(left)] * sigma_last[:, None] / size
     return Refined(rows_at(x), left, free, covariance, slope)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Plain:
-    """What numbers are where no run shows them, loosely: geometry as it is known, an arm's extra mass at a point.
-
-    Attributes:
-        angles: Places of the errors of geometry among the numbers that are fitted.
-        loose: Standard deviation of each.
-        arms: Places of an arm's extra mass, its first moments, and its moments of inertia where they are fitted; the
-            arm's mass.
-        length: What is long for an arm.
-    """
-
-    angles: tuple[int, ...]
-    loose: Vector
-    arms: tuple[tuple[dict[str, int], float], ...]
-    length: float
-
-    @staticmethod
-    def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> _Plain:
-        length = PART_OF_REACH * max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
-        angles = tuple(k for k, (effect, _, _) in enumerate(free) if effect == "kinematic_error")
-        loose = np.array([LOOSE * length if free[k][2] in ("a", "d") else LOOSE for k in angles])
-        arms: dict[int, dict[str, int]] = {}
-        for k, (effect, at, name) in enumerate(free):
-            if effect == "link_inertia":
-                arms.setdefault(at, {})[name] = k
-        mass = {at: problem.database.inertias[at - 1].mass for at in arms}
-        heavy = max(1e-3, *(body.mass for body in problem.database.inertias))
-        return _Plain(angles, loose, tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items()), length)
-
-    def apart(self, values: Vector) -> Vector:
-        """By how many standard deviations numbers differ from that, shape (p,)."""
-        parts = [values[list(self.angles)] / self.loose]
-        for names, mass in self.arms:
-            if "mass" not in names or "Ixx" not in names:
-                continue
-            there = {name: float(values[k]) for name, k in names.items()}
-            point = at_a_point(there, LIGHT * mass)
-            size = THIN * mass * self.length**2
-            parts.append(np.array([(there[name] - point[name]) / size for name in point if name in there]))
-        return np.concatenate(parts)
-
-
-def at_a_point(body: Mapping[str, float], least: float) -> dict[str, float]:
-    """Moments of inertia about the frame's origin of an extra mass at its center.
-
-    Args:
-        body: mass and first moments mx, my, mz.
-        least: Mass below which it has no center.
-    """
-    mass = body["mass"]
-    x, y, z = (body.get(name, 0.0) for name in ("mx", "my", "mz"))
-    by = math.copysign(max(abs(mass), least), mass)
-    square = x * x + y * y + z * z
-    return {
-        "Ixx": (square - x * x) / by,
-        "Iyy": (square - y * y) / by,
-        "Izz": (square - z * z) / by,
-        "Ixy": -x * y / by,
-        "Ixz": -x * z / by,
-        "Iyz": -y * z / by,
-    }
 
 
 def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:

@@ -21,8 +21,9 @@ from .fit import Linear, Part, blocks, gained, linear, spread
 from .hypotheses import GIVING, STEP, TENSOR, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of, twins_of
 from .model import Rows, merged, tables
 from .nuisances import Whitening
+from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
-from .refine import LIGHT, Refined, at_a_point, free_columns, refined, removal
+from .refine import Refined, free_columns, refined, removal
 
 Vector = NDArray[np.float64]
 
@@ -278,7 +279,7 @@ def _embodied(problem: Problem, found: Sequence[Found], unreal: Collection[tuple
         return item.key in unreal and item.effect == "link_inertia" and not any(values[name] for name in TENSOR)
 
     def whole(item: Found) -> Found:
-        least = LIGHT * max(problem.database.inertias[item.at - 1].mass, 1e-3)
+        least = LEAST_MASS * max(problem.database.inertias[item.at - 1].mass, 1e-3)
         values = {**item.row.values, **at_a_point(item.row.values, least)}
         return replace(item, row=EffectRow(item.at, values))
 

@@ -11,8 +11,9 @@ from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.plain import at_a_point
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import at_a_point, left_with, refined, removal, vanished
+from mbexport.core.diagnosis.refine import left_with, refined, removal, vanished
 from mbexport.core.diagnosis.search import Found, Search, rows_of, search, without_bodies
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.representation import Inertia
