@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..database import Database, with_effects
 from ..effects import effect_named
 from ..errors import RefusedError
-from ..recording import Run
+from ..recording import Run, known_together
 from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
 from .alike import Alike, alike
@@ -121,9 +121,9 @@ class _Diagnosing:
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer."""
-        given = [*runs, *holdout]
+        given = known_together([*runs, *holdout])
         notes: list[str] = []
-        ready, before = self._ready(in_parts(runs[0]) if len(given) == 1 else tuple(given), notes)
+        ready, before = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
         self.tell("what noise and tolerances may do")
         whole = problem(self.database, self.level, ready)
         whiten = whitening(whole)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -18,6 +19,11 @@ Rows = NDArray[np.bool_]
 
 # before and after a reversal, where friction jumps, a motion is not smooth and a controller settles [s]
 _BEFORE, _AFTER = 0.04, 0.08
+# of two runs with one sensor, the one that seems slow and so much louder has its motion in its noise; a sensor
+# that is no louder than this part of its steps' noise has hardly moved
+_LOUDER, _MOVED = 1.5, 1.05
+# coefficients of an autoregression that add up to no more are white noise's
+_WHITE = 0.2
 # rows to either side from which slopes are taken, and steps beyond which a sample is too far away to be moved
 _ASIDE, _AWAY = 4, 1.2
 
@@ -40,7 +46,39 @@ class ChannelNoise:
     stated: bool
 
 
+def known_together(runs: Sequence[Run]) -> list[Run]:
+    """Runs that each know which of the others have the same control and rate, and so the same noise."""
+
+    def alike(one: Run, other: Run) -> bool:
+        return one is not other and one.control == other.control and abs(one.rate / other.rate - 1.0) < JITTER
+
+    return [replace(run, beside=tuple(other for other in runs if alike(run, other))) for run in runs]
+
+
 def noise_of(run: Run, signal: str) -> ChannelNoise:
+    """Noise of a signal, as `noise_alone` has it; of channels that seem slow, as runs beside it know it to be white.
+
+    Friction's steps and a motion's bends pass for slow noise, and nothing passes for white noise that is less.
+
+    Raises:
+        KeyError: The run has no such signal.
+    """
+    own = noise_alone(run, signal)
+    slow = np.flatnonzero(np.abs(own.ar).sum(axis=1) > _WHITE)
+    if own.stated or not len(slow):
+        return own
+    sigma, ar = own.sigma.copy(), own.ar.copy()
+    for other in (noise_alone(one, signal) for one in run.beside if one.has(signal)):
+        for i in slow.tolist():
+            floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
+            white = float(np.abs(other.ar[i]).sum()) <= _WHITE
+            if white and floor < other.sigma[i] < sigma[i] / _LOUDER:
+                sigma[i], ar[i] = other.sigma[i], 0.0
+    return replace(own, sigma=sigma, ar=ar)
+
+
+@lru_cache(maxsize=256)
+def noise_alone(run: Run, signal: str) -> ChannelNoise:
     """Noise of a signal: stated where log.yaml has it, else estimated from what no model could explain.
 
     Estimated from the part of a channel's spectrum that stays once everything smooth is taken out, in stretches

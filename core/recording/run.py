@@ -57,6 +57,7 @@ class Run:
         source: Who measured it.
         left_out: Bad samples and stamps.
         rate: Median sampling rate [Hz].
+        beside: Other runs of the same sensors under the same control, by which noise is known better.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Run:
     source: str
     left_out: tuple[LeftOut, ...]
     rate: float
+    beside: tuple[Run, ...] = ()
 
     @property
     def n(self) -> int:

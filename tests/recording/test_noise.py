@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.control import Control
-from mbexport.core.recording import Run, noise_of
+from mbexport.core.recording import Run, known_together, noise_of
 
 RATE = 1000.0
 SIGMA = {"q": 2.0e-5, "tau": 0.5}
@@ -94,6 +96,30 @@ def test_slow_noise_within_a_fifth(motion, step):
         assert np.median(sizes) == pytest.approx(1.0, abs=0.2)
         if step == 0.0:
             assert np.median([memory(noise.ar[0]) for noise in found]) == pytest.approx(0.95, abs=0.04)
+
+
+def stirred(run, seed):
+    """The run with what its motion stirs up in the torque, slow and loud."""
+    random = np.random.default_rng(seed)
+    loud = 4.0 * SIGMA["tau"] * np.column_stack([coloured(len(run.t), 0.97, random) for _ in range(2)])
+    return run_of(run.t, {**run.signals, "tau": run.signals["tau"] + loud})
+
+
+def test_a_sensor_that_is_white_in_one_run_is_white_in_another():
+    calm, other = recorded(swing, seed=1), stirred(recorded(swing, seed=2), 3)
+    assert (noise_of(other, "tau").sigma > 2.0 * SIGMA["tau"]).all()
+    for one in known_together([calm, other]):
+        np.testing.assert_allclose(noise_of(one, "tau").sigma, SIGMA["tau"], rtol=0.1)
+        assert np.abs(noise_of(one, "tau").ar).sum(axis=1).max() < 0.2
+
+
+def test_what_is_slow_in_all_runs_stays_slow_and_other_gains_are_other_loops():
+    slow, slower = recorded(swing, 0.95, seed=1), stirred(recorded(swing, 0.95, seed=2), 3)
+    _, together = known_together([slow, slower])
+    np.testing.assert_array_equal(noise_of(together, "tau").sigma, noise_of(slower, "tau").sigma)
+    stiff = replace(recorded(swing, seed=1), control=Control("pd", kp=(9.0, 9.0), kd=(1.0, 1.0)))
+    _, alone = known_together([stiff, stirred(recorded(swing, seed=2), 3)])
+    assert alone.beside == ()
 
 
 def test_the_colour_whitens():
