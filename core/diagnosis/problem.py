@@ -77,11 +77,15 @@ class Problem:
     def impossible(self, rows: Rows) -> tuple[str, ...]:
         """Why arms of the robot with these rows are no bodies, "" for those that are or never were."""
         plain = self.robots({})[0]
+        try:
+            there = self.robots(rows)[0]
+        except MbexportError as error:
+            return (str(error),) * len(plain.stages)
         return tuple(
             fault_of(stage.arm.inertia) or ("its mass is not above 0" if stage.arm.inertia.mass <= 0.0 else "")
             if fault_of(before.arm.inertia) is None and before.arm.inertia.mass > 0.0
             else ""
-            for stage, before in zip(self.robots(rows)[0].stages, plain.stages, strict=True)
+            for stage, before in zip(there.stages, plain.stages, strict=True)
         )
 
     def row_at(self, effect: str, at: int, rows: Rows) -> EffectRow | None:

@@ -85,6 +85,9 @@ def test_a_body_that_cannot_be_is_no_finding():
     asked = question()
     hollow = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": -0.1, "Izz": 5.0})
     assert without_bodies(asked, [Found("link_inertia", 1, hollow, 50.0)]) == {("link_inertia", 1)}
+    # nor one that no robot can be assembled with
+    empty = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "Izz": -50.0})
+    assert without_bodies(asked, [Found("link_inertia", 1, empty, 50.0)]) == {("link_inertia", 1)}
     heavier = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.1})
     assert without_bodies(asked, [Found("link_inertia", 1, heavier, 50.0)]) == set()
 
