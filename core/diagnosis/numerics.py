@@ -25,6 +25,8 @@ FASTER = 4
 CLEAR, SHORTEST = 5.0, 0.1
 # channels that say the same shift agree to this part of it, or of a sample
 AGREE = 0.25
+# of a gap that only one sensor's word makes one of stamps, the part that a shift may leave
+LEAVES = 0.1
 # stamps that are further off than so many samples are no matter of counting
 FURTHEST = 3.0
 
@@ -115,6 +117,9 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
     shifts: list[float] = []
     errors: list[float] = []
     signals: set[str] = set()
+    # the arm side and the tool go with the motors; a torque is another witness
+    witnesses: set[tuple[bool, int]] = set()
+    before, after = 0.0, 0.0
     for name in (name for name in ("q", "tau", "ee", "q_link", "tau_link") if name in left):
         rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))
         for i in range(simulated[name].shape[1]):
@@ -125,9 +130,15 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
             error = float(sigma[name][i]) / np.sqrt(power) if power > 0.0 else np.inf
             # a channel that could not tell a tenth of a sample has no say
             if error * run.rate < SHORTEST / 2.0:
-                shifts.append(-float(rate @ left[name][good, i]) / power)
+                here: Vector = left[name][good, i] / float(sigma[name][i])
+                shift = -float(rate @ left[name][good, i]) / power
+                shifts.append(shift)
                 errors.append(error)
                 signals.add(name)
+                if name != "ee":
+                    witnesses.add((name.startswith("tau"), i))
+                before += float(here @ here) - len(here)
+                after += float(np.sum((here + shift * rate / float(sigma[name][i])) ** 2)) - len(here)
     if len(shifts) < 2:
         return 0.0
     if run.has("tau") and "tau" not in signals:
@@ -137,7 +148,9 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
     error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))
     clear = abs(common) > max(CLEAR * error, SHORTEST / run.rate) and abs(common) < FURTHEST / run.rate
     near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / run.rate), 4.0 * spread)
-    return common if clear and near.all() else 0.0
+    # alone, what holds a joint back looks late as well
+    sure = len(witnesses) > 1 or after < LEAVES * before
+    return common if clear and sure and near.all() else 0.0
 
 
 def unshifted(run: Run, shift: float) -> Run:

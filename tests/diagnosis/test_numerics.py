@@ -40,6 +40,15 @@ def test_good_stamps_and_friction_are_no_shift():
     assert shift_in(pendulum_run("pd", lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3))) == 0.0
 
 
+def test_positions_alone_tell_late_stamps_from_friction():
+    def alone(run):
+        """Where its arm side is, by a second sensor that says the same, and no torque."""
+        return replace(run, signals={"q": run.signals["q"], "q_link": run.signals["q"], "q_cmd": run.signals["q_cmd"]})
+
+    assert shift_in(alone(pendulum_run("pd", lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3)))) == 0.0
+    assert shift_in(alone(pendulum_run("pd", late=0.004))) == pytest.approx(0.004, rel=0.1)
+
+
 def test_a_late_drive_is_no_late_stamp():
     past: dict[float, float] = {}
 
