@@ -240,18 +240,18 @@ class Judge:
                 dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]
                 kept = [item for item in kept if item.key not in unreal]
                 continue
-            gains = [math.inf if item.key in trusted else gain for item, gain in zip(kept, unseen.gains, strict=True)]
+            # without what gives nothing could move before a clamped output
+            needed = trusted | {item.key for item in kept if gives_alone(self.whole, kept, item)}
+            gains = [math.inf if item.key in needed else gain for item, gain in zip(kept, unseen.gains, strict=True)]
             worst = min(range(len(kept)), key=lambda k: gains[k])
             if gains[worst] >= EARNS:
                 # no law of another form is late
                 shares = [
-                    math.inf
-                    if item.effect == "delay" or item.key in trusted or gives_alone(self.whole, kept, item)
-                    else share
+                    math.inf if item.effect == "delay" or item.key in needed else share
                     for item, share in zip(kept, unseen.shares, strict=True)
                 ]
                 # the first cause of a gap is no second one, however small its part of every channel is
-                shares[int(np.argmax(gains))] = math.inf
+                shares[int(np.argmax(unseen.gains))] = math.inf
                 worst = int(np.argmin(shares))
                 if shares[worst] >= OTHER_FORM:
                     return kept, unseen, tuple(dropped)
