@@ -39,6 +39,8 @@ CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
+# how often findings that simulated do harm get numbers from simulation, which takes many runs of it
+TRIES = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,9 +131,11 @@ class Judge:
         failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
+        tries = TRIES
         while (idle := _idle(found, unseen.gains, how_far)) is not None:
-            if not numbers and (numbers := self._numbers(found, unseen, far=True)):
+            if tries and not numbers and (numbers := self._numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
+                tries -= 1
                 other = replace(unseen, rows=_rows(found, numbers))
                 with suppress(RefusedError):
                     closer = self._how_far(found, other)
@@ -168,7 +172,7 @@ class Judge:
         idle = {
             item.key
             for item in held.found
-            if by <= (without.get(name_of(item)) or 0.0) and all(vanished(number, item) for number in numbers)
+            if by < (without.get(name_of(item)) or 0.0) + HARMS and all(vanished(number, item) for number in numbers)
         }
         if idle:
             rest = self.held([item for item in held.found if item.key not in idle])

@@ -28,8 +28,8 @@ Vector = NDArray[np.float64]
 
 # rounds of it, and where the numbers are so far off that simulated they help nothing
 ROUNDS, ROUNDS_FROM_AFAR = 1, 4
-# simulations that are worth it, a round
-MOST_SIMULATIONS = 40
+# simulations that are worth it, a round, and where there may be many rounds
+MOST_SIMULATIONS, MOST_FROM_AFAR = 40, 25
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
 LOOSE, LOOSER = 10.0, 100.0
 # of a step that overshoots
@@ -56,7 +56,8 @@ def polished(
     Returns:
         The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
     """
-    if not fit.free or (len(fit.free) + 2) * len(runs) > MOST_SIMULATIONS or any(run.locked for run in runs):
+    most = MOST_FROM_AFAR if far else MOST_SIMULATIONS
+    if not fit.free or (len(fit.free) + 2) * len(runs) > most or any(run.locked for run in runs):
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
