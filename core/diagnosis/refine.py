@@ -84,11 +84,10 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
         key: Effect and number of its place.
         absent: Its row where it is as if it were not there.
     """
-    own = [k for k, (effect, at, name) in enumerate(fit.free) if (effect, at) == key and name not in _SHAPES]
+    own = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) == key]
     other = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) != key]
-    row = fit.rows[key]
-    change = np.array([absent.values[fit.free[k][2]] - row.values[fit.free[k][2]] for k in own])
-    weight = np.linalg.pinv(fit.covariance[np.ix_(own, own)], hermitian=True) @ change
+    change = _gone(fit, key, absent, own)
+    weight = _precision(fit, own) @ change
     moved = fit.covariance[np.ix_(other, own)] @ weight
     values = {place: dict(one.values) for place, one in fit.rows.items() if place != key}
     for k, step in zip(other, moved.tolist(), strict=True):
@@ -99,15 +98,31 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
     return Removal(0.5 * float(change @ weight), rows)
 
 
+def _gone(fit: Refined, key: tuple[str, int], absent: EffectRow, own: Sequence[int]) -> Vector:
+    """What becomes of a finding's own numbers where it goes: how it went stays, for none of it goes in any way."""
+    values, names = fit.rows[key].values, [fit.free[k][2] for k in own]
+    return np.array([0.0 if name in _SHAPES else absent.values[name] - values[name] for name in names])
+
+
+def _precision(fit: Refined, own: Sequence[int]) -> Vector:
+    """Inverse of the covariance of some numbers, whatever their units."""
+    covariance = fit.covariance[np.ix_(own, own)]
+    size = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+    inverse: Vector = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)
+    return inverse / np.outer(size, size)
+
+
 def vanished(fit: Refined, item: Found) -> bool:
-    """Whether the 95 % interval of every amount of a finding holds what it is where there is none of it."""
+    """Whether the 95 % interval of every amount of a finding, as it goes, holds what it is where there is none of it."""
     absent = _ON_TIME if item.effect == "delay" else item.absent
-    amounts = [k for k, (effect, at, name) in enumerate(fit.free) if (effect, at) == item.key and name not in _SHAPES]
+    own = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) == item.key]
+    amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in _SHAPES]
     if absent is None or not amounts:
         return False
-    value, none = fit.rows[item.key].values, absent.values
-    away = np.array([value[fit.free[k][2]] - none[fit.free[k][2]] for k in amounts])
-    return bool(np.all(np.abs(away) <= 1.96 * np.sqrt(np.maximum(np.diagonal(fit.covariance)[amounts], 0.0))))
+    # a spring may be soft and far away or hard and near: its torque is known far better than both
+    known = np.linalg.pinv(_precision(fit, own)[np.ix_(amounts, amounts)], hermitian=True)
+    away = _gone(fit, item.key, absent, own)[amounts]
+    return bool(np.all(np.abs(away) <= 1.96 * np.sqrt(np.maximum(np.diagonal(known), 0.0))))
 
 
 def free_columns(effect: str, row: EffectRow) -> list[str]:

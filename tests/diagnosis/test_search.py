@@ -20,6 +20,7 @@ from mbexport.core.representation import Inertia
 
 from .pendulums import KD, KP, command, pendulum_run
 
+NO_SPRING = EffectRow(1, {"stiffness": 0.0, "rest": 0.0})
 COLUMNS = [column.name for column in effect_named("link_inertia").columns]
 
 
@@ -71,6 +72,18 @@ def test_taking_a_finding_out_by_its_covariance_is_as_good_as_fitting_without_it
     left = whiten(base) / sigma
     exact = -float(slope[:, at[0]] @ left) / float(slope[:, at[0]] @ slope[:, at[0]])
     assert quick == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_spring_that_rests_far_away_goes_with_all_of_its_torque():
+    asked = question(lambda t, q, dq: 0.05 * (q - 8.0))
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    spring = Found("joint_spring", 1, EffectRow(1, {"stiffness": 0.05, "rest": 8.0}), 50.0, NO_SPRING)
+    fit = refined(asked, whiten, [spring], parts)
+    nothing = whiten(asked.residual({}))
+    loss = 0.5 * float(np.sum((nothing / spread(fit.left, parts)) ** 2) - len(nothing))
+    assert removal(fit, spring.key, NO_SPRING).loss == pytest.approx(loss, rel=0.1)
+    # stiffness and rest alone are hardly known
+    assert not vanished(fit, spring)
 
 
 def test_evidence_of_some_runs_is_part_of_the_whole():
