@@ -25,9 +25,8 @@ FASTER = 4
 CLEAR, SHORTEST = 5.0, 0.1
 # channels that say the same shift agree to this part of it, or of a sample
 AGREE = 0.25
-# of a gap that only one sensor's word makes one of stamps, the part that a shift may leave, and how near to whole
-# samples that is, for stamps alone are counted
-LEAVES, WHOLE = 0.1, 0.2
+# of a gap that only one sensor's word makes one of stamps, the part that a shift may leave
+LEAVES = 0.1
 # stamps that are further off than so many samples are no matter of counting
 FURTHEST = 3.0
 
@@ -90,10 +89,12 @@ def hold_said(run: Run) -> str:
 
 
 def shift_said(run: Run, shift: float) -> str:
-    """A sentence on stamps that are off by a shift [s]."""
+    """What to say of stamps that are off by a shift [s]; of one joint's positions alone that they may be right."""
+    alone = run.n == 1 and shift > 0.0 and not (run.has("tau") or run.has("tau_link"))
     return (
         f"All that was measured in {run.name} comes {1e3 * shift:.3f} ms ({shift * run.rate:.2f} samples) "
         f"{'after' if shift > 0.0 else 'before'} its stamps; that is taken out and is no effect."
+        + (" Viscous friction would hold its one joint back alike: only a torque could tell." if alone else "")
     )
 
 
@@ -149,10 +150,8 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
     error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))
     clear = abs(common) > max(CLEAR * error, SHORTEST / run.rate) and abs(common) < FURTHEST / run.rate
     near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / run.rate), 4.0 * spread)
-    # alone, what holds a joint back looks late as well, by any part of a sample
-    samples = abs(common) * run.rate
-    whole = samples > 0.5 and abs(samples - round(samples)) < WHOLE
-    sure = len(witnesses) > 1 or (whole and after < LEAVES * before)
+    # alone, what holds a joint back looks late as well
+    sure = len(witnesses) > 1 or after < LEAVES * before
     return common if clear and sure and near.all() else 0.0
 
 

@@ -12,7 +12,7 @@ import mbexport
 from mbexport.core.database import load
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.numerics import numerics, shift_of, unshifted
+from mbexport.core.diagnosis.numerics import numerics, shift_of, shift_said, unshifted
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 
 DATABASE = load("pendulum")
@@ -46,9 +46,11 @@ def test_positions_alone_tell_late_stamps_from_friction():
         return replace(run, signals={"q": run.signals["q"], "q_link": run.signals["q"], "q_cmd": run.signals["q_cmd"]})
 
     assert shift_in(alone(pendulum_run("pd", lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3)))) == 0.0
-    # what holds a joint back as late stamps would does not do so by whole samples
-    assert shift_in(alone(pendulum_run("pd", late=0.001))) == 0.0
-    assert shift_in(alone(pendulum_run("pd", late=0.004))) == pytest.approx(0.004, rel=0.1)
+    late = alone(pendulum_run("pd", late=0.004))
+    assert shift_in(late) == pytest.approx(0.004, rel=0.1)
+    # and what one joint's positions alone cannot tell is said
+    assert "Viscous friction" in shift_said(late, 0.004)
+    assert "Viscous friction" not in shift_said(pendulum_run("pd"), 0.004)
 
 
 def test_a_late_drive_is_no_late_stamp():
