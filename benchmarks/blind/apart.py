@@ -6,6 +6,8 @@ The gap of an effect is what the true robot does less what it would do without t
 other effects being the same. Another effect at a place is ALIKE where the best of it, over its parameters, leaves less
 than `ALIKE` of the gap's energy; every channel that was recorded (speeds aside) counts in units of its noise floor.
 
+"fitted" is how much of the gap the runs show that a fit may see: the held-out run is not among them.
+
 How the other is fitted: the robot is led along the true motion, and what each effect then asks of the drives is a
 column a parameter. Where drives follow the command (mode motion), or where torque is compared (mode unknown), that is
 the gap itself. Under a controller the robot gives way to it: M dd + kd d' + kp d = -columns, ticks of the controller,
@@ -381,6 +383,11 @@ class Scene:
         parts = [v[:, :, 0] for v in (asked.drive, None if asked.extra is None else -asked.extra) if v is not None]
         return np.sum(parts, axis=0)
 
+    def fitted(self) -> float:
+        """Energy of the gap, in units of noise at RATE, in the runs that a fit may see: all but the last."""
+        seen = zip(self.paths[:-1], self.asks[:-1], strict=True)
+        return sum(float(np.sum(np.square(path.shown(asked)))) for path, asked in seen)
+
     def acting(self, effect: dict) -> list[Asked] | None:
         """Effects that change what controller and motor give, with their numbers; None for all others."""
         name, i, p = effect["effect"], effect["at"] - 1, effect["parameters"]
@@ -747,6 +754,7 @@ def looked_at(recipe: dict, index: int) -> dict:
         "at": place(*own),
         "own": near.get(own),
         "rms": math.sqrt(scene.energy / len(scene.gap)),
+        "fitted": scene.fitted(),
         "alike": [{"effect": effect, "at": place(effect, at), "left": left} for left, effect, at in alike],
         "near": [
             {"effect": effect, "at": place(effect, at), "left": left}

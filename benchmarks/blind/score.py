@@ -26,6 +26,8 @@ CLOSE = 0.05
 NOISE_FLOOR = 1.2
 SECONDS = 60.0
 SMALL_SET = 2
+# energy of a gap in units of noise below which no fit has ten nats to tell it by, whatever else it knows
+LEAST = 20.0
 SIX_JOINTS = ("imece2013", "puma560")
 # edges of the bins in which probabilities are held against how often they are right
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
@@ -62,7 +64,7 @@ class Case:
     Attributes:
         name: Its folder.
         truth, said: What was sealed, what the diagnosis says.
-        alike: For each true effect the names that would show the same, its own among them; None: not looked at.
+        apart: For each true effect what apart.py says of it; None: not looked at.
         seconds: What the diagnosis took.
         shrinks: (true shrinkage, gap before in units of noise); None: not asked for.
     """
@@ -70,7 +72,7 @@ class Case:
     name: str
     truth: dict
     said: dict
-    alike: list[set[Name]] | None
+    apart: list[dict] | None
     seconds: float
     shrinks: tuple[float, float] | None = None
     wanted: list[Name] = field(default_factory=list)
@@ -103,13 +105,20 @@ class Case:
 
     @property
     def classes(self) -> list[set[Name]]:
-        """The names that are right for each true effect."""
-        return self.alike if self.alike is not None else [{name} for name in self.wanted]
+        """The names that are right for each true effect: its own, and those that would show the same."""
+        if self.apart is None:
+            return [{name} for name in self.wanted]
+        return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in self.apart]
 
     @property
     def distinct(self) -> bool:
         """Whether each true effect is like no other."""
         return all(len(names) == 1 for names in self.classes)
+
+    @property
+    def seen(self) -> bool:
+        """Whether the runs that a fit may see show every true effect."""
+        return all(row.get("fitted", LEAST) >= LEAST for row in self.apart or ())
 
     @property
     def exact(self) -> bool:
@@ -225,7 +234,7 @@ def figures(cases: list[Case]) -> list[Figure]:
     several = of("pair", "triple")
     catalogued = [*seen, *several]
     foreign = of("outside")
-    distinct_foreign = [c for c in foreign if c.alike is None or c.distinct]
+    distinct_foreign = [c for c in foreign if c.apart is None or c.distinct]
     # as positions alone are recorded, but for the torque
     beside = [c for c in plain if c.torque and c.truth["control"]["mode"] == "pd"]
     sets = [names for c in seen for names in c.sets]
@@ -236,10 +245,10 @@ def figures(cases: list[Case]) -> list[Figure]:
     worse = [true < 0.0 for c, true in truly if c.claimed is not None and c.named]
 
     def named_right(cases: list[Case]) -> list[bool]:
-        return [c.exact for c in cases if c.distinct]
+        return [c.exact for c in cases if c.distinct and c.seen]
 
     out = [
-        Figure("single effect: effect and place right, where it is like no other", "95 %", named_right(plain)),
+        Figure("single effect: effect and place right, where it can be told apart", "95 %", named_right(plain)),
         Figure("... by its name or one that shows the same, all", "", [c.exact_as_far for c in plain]),
     ]
     out += [
@@ -263,12 +272,13 @@ def figures(cases: list[Case]) -> list[Figure]:
     ]
     out += [
         Figure(
-            "positions alone: effect and place right, where it is like no other", "5 points less", named_right(bare)
+            "positions alone: effect and place right, where it can be told apart", "5 points less", named_right(bare)
         ),
         Figure("... the same with torque, mode pd", "", named_right(beside)),
         Figure("... less that with torque", "-5 points", text=difference(named_right(beside), named_right(bare))),
         Figure("positions alone: by its name or one that shows the same, all", "", [c.exact_as_far for c in bare]),
         Figure("single effect: truth in the reported set", "99 %", [c.in_sets for c in plain]),
+        Figure("... where the fitted runs show it", "", [c.in_sets for c in plain if c.seen]),
         Figure("positions alone: truth in the reported set", "", [c.in_sets for c in bare]),
         Figure("size of reported sets", "median 2", text=middle((len(names) for names in sets), 0)),
         Figure("... sets of two names or one", "", [len(names) <= SMALL_SET for names in sets]),
@@ -389,27 +399,25 @@ def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
             continue
         truth = json.loads(path.read_text())
         said = json.loads(report.read_text()) if report.is_file() else NAMELESS
-        alike = looked_up(bank, path.stem, truth, quick=quick)
+        apart = looked_up(bank, path.stem, truth, quick=quick)
         shrinks = None
         if not quick and said.get("how_far") and truth["case"]["class"] not in ("nothing", "numerical"):
             from shrinkage import true_shrinkage
 
             shrinks = true_shrinkage(truth, said["which"])
-        cases.append(Case(path.stem, truth, said, alike, json.loads(record.read_text())["seconds"], shrinks))
+        cases.append(Case(path.stem, truth, said, apart, json.loads(record.read_text())["seconds"], shrinks))
     return cases
 
 
-def looked_up(bank: Path, name: str, truth: dict, *, quick: bool) -> list[set[Name]] | None:
-    """What would show the same for each true effect, and that itself."""
+def looked_up(bank: Path, name: str, truth: dict, *, quick: bool) -> list[dict] | None:
+    """What can be told apart from each true effect."""
     if not quick:
         from apart import told_apart
 
-        rows = told_apart(bank, name)
-    elif (bank / "apart" / f"{name}.json").is_file():
-        rows = json.loads((bank / "apart" / f"{name}.json").read_text())
-    else:
-        return None if truth["effects"] else []
-    return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in rows]
+        return told_apart(bank, name)
+    if (bank / "apart" / f"{name}.json").is_file():
+        return json.loads((bank / "apart" / f"{name}.json").read_text())
+    return None if truth["effects"] else []
 
 
 def line(case: Case) -> str:

@@ -39,6 +39,8 @@ CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
+# and all together where the interval of how far it shrinks is wide
+PLAINLY = 0.2
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
 
@@ -342,7 +344,8 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
 
     Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
-    drown what closes the gap of a quiet one.
+    drown what closes the gap of a quiet one. What then helps plainly stays though its interval is wide: where a loop
+    gives way, as at a drive's limit, little decides how far.
     """
     total, sure = how_far.shrinks_by, how_far.ci95
     if total is None or sure is None or not found:
@@ -353,7 +356,8 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
         help_there = total - (how_far.without.get(name_of(item)) or 0.0)
         helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
     least = int(np.argmin(helps))
-    return found[least] if helps[least] < 0.0 or sure[0] <= 0.0 else None
+    plain = total > PLAINLY and gains[least] >= BEYOND_DOUBT
+    return found[least] if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 
 
 def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:

@@ -99,7 +99,10 @@ def place_of(effect: str, at: int) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scales:
-    """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia."""
+    """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia.
+
+    With what is left of every run's torque, and of its arm sides' positions where these were measured, shapes (m, n).
+    """
 
     torque: Vector
     speed: Vector
@@ -107,6 +110,7 @@ class Scales:
     way: Vector
     inertia: Vector
     residual: list[Vector] = field(default_factory=list[Vector])
+    turned: list[Vector] = field(default_factory=list[Vector])
     mass: float = 1.0
     length: float = 1.0
 
@@ -131,10 +135,12 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
     q = np.concatenate([run.q for run in evidence.runs])
     inertia = np.diagonal(dynamics(robots[0]).mass_matrix(q[:: max(1, len(q) // 50)]), axis1=1, axis2=2).mean(axis=0)
     left: list[Vector] = []
+    turned: list[Vector] = []
     for run, speech, mask in zip(evidence.runs, spoken, evidence.masks, strict=True):
         apart = differences(run, speech)
         name = "tau" if "tau" in apart else "u" if "u" in apart else ""
         left.append(apart[name] * mask[name] if name else np.zeros_like(run.q))
+        turned.append(apart["q_link"] * mask["q_link"] if "q_link" in apart else np.zeros_like(run.q))
     arms = [stage.arm for stage in robots[0].stages]
     reach = max(1e-2, sum(math.hypot(*arm.link.pose().xyz) for arm in arms))
     return Scales(
@@ -144,6 +150,7 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         np.maximum(np.ptp(q, axis=0), 1e-6),
         np.maximum(inertia, 1e-9),
         left,
+        turned,
         max(0.001, *(arm.inertia.mass for arm in arms)),
         reach,
     )
@@ -530,25 +537,14 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     if highest <= lowest:
         return []
     grid = np.arange(lowest, highest, finest)
-    power = np.zeros(len(grid))
-    size = 0.0
-    for run, left in zip(problem.evidence.runs, scales.residual, strict=True):
-        # as many samples as the band needs
-        every = max(1, int(1.0 / (8.0 * run.band * run.h)))
-        r = left[::every, i]
-        if not np.any(r):
-            continue
-        weight = run.dq[::every, i] ** 2 if second else np.ones(len(r))
-        r = (r - r.mean()) * weight
-        angle = np.exp(1j * np.outer(grid, run.q[::every, i]))
-        power += np.abs(angle @ r) ** 2 / max(float(np.sum(weight**2)), 1e-30)
-        size += float(np.sum(r * r))
-    if size == 0.0:
-        return []
+    power = _periodic(problem, scales.residual, i, grid, second=second)
+    if second:
+        # where an arm side's position was measured, an error of the gear stands there as it is
+        power = max(power, _periodic(problem, scales.turned, i, grid, second=False), key=_clear)
     chosen: list[float] = []
     noise = STANDS_OUT * float(np.median(power))
     for k in np.argsort(-power):
-        if power[k] < noise:
+        if power[k] <= noise:
             # no more than the highest of so many of noise
             break
         if all(abs(grid[k] - c) > 2.0 * np.pi / way for c in chosen):
@@ -560,6 +556,27 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     # a wave over this way is told from its neighbours so far apart, and what else is left moves the peak a little
     near = [chosen[0] + k * APART / way for k in range(-BESIDE, BESIDE + 1) if k]
     return [*chosen, *(cycles for cycles in near if cycles >= lowest)]
+
+
+def _periodic(problem: Problem, left: Sequence[Vector], i: int, grid: Vector, *, second: bool) -> Vector:
+    """Power of what is left of every run (m, n) at joint i by cycles a turn, shape (g,)."""
+    power = np.zeros(len(grid))
+    for run, values in zip(problem.evidence.runs, left, strict=True):
+        # as many samples as the band needs
+        every = max(1, int(1.0 / (8.0 * run.band * run.h)))
+        r = values[::every, i]
+        if not np.any(r):
+            continue
+        weight = run.dq[::every, i] ** 2 if second else np.ones(len(r))
+        r = (r - r.mean()) * weight
+        angle = np.exp(1j * np.outer(grid, run.q[::every, i]))
+        power += np.abs(angle @ r) ** 2 / max(float(np.sum(weight**2)), 1e-30)
+    return power
+
+
+def _clear(power: Vector) -> float:
+    """How far the highest of powers stands out of all."""
+    return float(power.max()) / max(float(np.median(power)), 1e-300)
 
 
 def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:

@@ -359,7 +359,7 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
     if state.scales is None:
         state.scales = now
     # amounts stay those of the first round, for which signatures were worked out
-    scales = replace(state.scales, residual=now.residual)
+    scales = replace(state.scales, residual=now.residual, turned=now.turned)
     fits: list[Fitting] = []
     done = (item.key for item in state.found if item.effect not in PARTIAL)
     taken = [*done, *sorted(state.banned), *skip]

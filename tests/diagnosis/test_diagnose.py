@@ -62,6 +62,13 @@ def test_what_is_in_no_catalogue_is_not_explained():
     assert answer.unexplained.share > 0.3
 
 
+def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one():
+    seen, (rubs,) = runs(), runs(lambda t, q, dq: 0.4 * dq, seeds=(3,))
+    answer = mbexport.diagnose("pendulum", seen, [rubs], level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("unexplained", ())
+    assert any("held-out runs alone" in note for note in answer.notes)
+
+
 def test_one_run_is_judged_in_parts():
     (run,) = runs(seeds=(3,))
     parts = in_parts(run)
@@ -113,3 +120,7 @@ def test_what_does_not_help_unseen_runs_is_dropped():
     assert _idle([one, other], (20.0, 20.0), far(0.9, idle, (0.8, 0.95))) is None
     # nor is a gain that may be none
     assert _idle([one, other], (20.0, 20.0), far(0.1, helped, (-0.1, 0.3))) is not None
+    # where evidence is beyond doubt it may be little known how far it helps
+    plain = dict(zip(names, (0.1, 0.2), strict=True))
+    assert _idle([one, other], (20.0, 20.0), far(0.4, plain, (-0.1, 0.7))) is None
+    assert _idle([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None

@@ -155,6 +155,22 @@ def test_the_second_harmonic_of_a_wave_is_no_second_cause():
     assert all(abs(row(h)["cycles"] - 40.0) > 0.9 * apart for h in there)
 
 
+def test_the_cycles_of_a_gear_are_read_where_its_output_was_measured():
+    """Its torque tells nothing here: there is none."""
+    runs = [pendulum_run(seed=seed) for seed in (1, 2)]
+    runs = [
+        replace(run, signals=run.signals | {"q_link": gear(run.signals["q"])}, noise=dict(run.noise)) for run in runs
+    ]
+    asked = problem(load("pendulum"), "rigid", runs)
+    cycles = [row(h)["cycles"] for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "transmission_error"]
+    assert min(abs(one - 30.0) for one in cycles) < 0.5
+
+
+def gear(q):
+    """What its output shows of a motor's position, with an error of 30 cycles a turn."""
+    return q + 1e-4 * np.sin(30.0 * q)
+
+
 def row(hypothesis: Hypothesis):
     return hypothesis.values(hypothesis.scale) or {}
 
