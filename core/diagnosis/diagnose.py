@@ -60,7 +60,7 @@ NO_PHYSICS = (
 # runs that a perfect model would leave so with such a chance show nothing to look for
 HARDLY = 0.05
 UNSEEN = (
-    "The gap stands in the held-out runs alone: the others show no more than noise, so that no fit could see its cause. "
+    "The gap stands in the held-out runs alone: the others show no more than noise, and no fit could see its cause. "
     "Hold another run out, or record one more that moves alike."
 )
 # how often evidence beyond doubt is of something else: in 4 of 63 findings on the set of the blind bank for tuning

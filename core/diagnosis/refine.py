@@ -108,12 +108,12 @@ def _precision(fit: Refined, own: Sequence[int]) -> Vector:
     """Inverse of the covariance of some numbers, whatever their units."""
     covariance = fit.covariance[np.ix_(own, own)]
     size = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
-    inverse: Vector = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)
-    return inverse / np.outer(size, size)
+    inverse = np.linalg.pinv(covariance / np.outer(size, size), hermitian=True)
+    return np.asarray(inverse / np.outer(size, size), dtype=np.float64)
 
 
 def vanished(fit: Refined, item: Found) -> bool:
-    """Whether the 95 % interval of every amount of a finding, as it goes, holds what it is where there is none of it."""
+    """Whether the 95 % interval of every amount, as the finding goes, holds what it is where there is none of it."""
     absent = _ON_TIME if item.effect == "delay" else item.absent
     own = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) == item.key]
     amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in _SHAPES]
