@@ -343,11 +343,11 @@ def _verdict(held: Held, gap: bool) -> Verdict:
 
 
 def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:
-    """A finding with its numbers' intervals."""
+    """A finding with its numbers' intervals; numbers that no run shows have none, and are not told."""
     units = {column.name: column.unit_for(kind) for column in effect_named(item.effect).columns}
     parameters: dict[str, Parameter] = {}
     for k, (effect, at, name) in enumerate(fit.free):
-        if (effect, at) == (item.effect, item.at):
+        if (effect, at) == (item.effect, item.at) and fit.shown[k]:
             value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
             parameters[name] = Parameter(value, (value - half, value + half), units[name])
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)

@@ -42,6 +42,8 @@ BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
 _ON_TIME = EffectRow(0, {"time": 0.0})
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
+# of what is known of a number the part that the runs must say
+RESOLVED = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,6 +56,8 @@ class Refined:
         free: (effect, at, column) of each number that was fitted.
         covariance: Of these numbers, SI, shape (k, k).
         slope: Change of what is left with them, shape (N, k).
+        shown: Which of them the runs show; the others are what is plain (the diagonal of the resolution matrix, Backus
+            and Gilbert 1968, above RESOLVED).
     """
 
     rows: Mapping[tuple[str, int], EffectRow]
@@ -61,6 +65,7 @@ class Refined:
     free: tuple[tuple[str, int, str], ...]
     covariance: Vector
     slope: Vector
+    shown: tuple[bool, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,9 +227,11 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         sigma = spread(np.asarray(solution.fun)[: len(sigma)] * sigma, parts)
     left = residual(x)
     jacobian = np.asarray(solution.jac)
-    covariance = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True) * np.outer(size, size)
-    slope = jacobian[: len(left)] * sigma_last[:, None] / size
-    return Refined(rows_at(x), left, free, covariance, slope)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    told = jacobian[: len(left)]
+    resolved = np.diagonal(inverse @ (told.T @ told)) > RESOLVED
+    slope = told * sigma_last[:, None] / size
+    return Refined(rows_at(x), left, free, inverse * np.outer(size, size), slope, tuple(resolved.tolist()))
 
 
 def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:

@@ -186,6 +186,19 @@ def test_an_extra_mass_at_a_point_is_a_body():
     assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
 
 
+def test_numbers_that_no_run_shows_are_not_said_to_be_known():
+    """Where a pendulum's load is along its axis, and how thick it is across."""
+    asked = question(lambda t, q, dq: 0.4 * math.sin(q))
+    values = {"mass": 0.1, "x": 0.4, "y": 0.02, "z": 0.05} | dict.fromkeys(
+        ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0
+    )
+    load = Found("payload", 0, EffectRow(0, values), 50.0)
+    fit = refined(asked, whitening(asked), [load], blocks(asked.evidence))
+    shown = {name: there for (_, _, name), there in zip(fit.free, fit.shown, strict=True)}
+    assert shown["mass"] and shown["x"]
+    assert not shown["z"]
+
+
 def test_what_simulation_takes_to_nothing_has_vanished():
     asked = question(lambda t, q, dq: 0.4 * dq)
     whiten = whitening(asked)
