@@ -139,8 +139,8 @@ class _Diagnosing:
         seen, seen_whiten = whole.only(fitted_on), whiten.only(whole.evidence.places(fitted_on))
         state = Search(seen, seen_whiten)
         state.begin()
-        shown = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        state, held = self._found(state, judge, looking=before.chance < LEVEL and shown.chance < HARDLY)
+        fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
+        state, held = self._found(state, judge, looking=before.chance < LEVEL and fitted.chance < HARDLY)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
@@ -154,7 +154,7 @@ class _Diagnosing:
         # what no run that judges shows clearly is nothing to explain
         gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         verdict = _verdict(held, gap)
-        if verdict == "unexplained" and shown.is_noise:
+        if verdict == "unexplained" and fitted.is_noise:
             notes.append(UNSEEN)
         effects = rows_of(held.found)
         return Diagnosis(
@@ -346,8 +346,9 @@ def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Se
     """A finding with its numbers' intervals; numbers that no run shows have none, and are not told."""
     units = {column.name: column.unit_for(kind) for column in effect_named(item.effect).columns}
     parameters: dict[str, Parameter] = {}
-    for k, (effect, at, name) in enumerate(fit.free):
-        if (effect, at) == (item.effect, item.at) and fit.shown[k]:
+    for k in fit.numbers_of(item.key):
+        if fit.shown[k]:
+            name = fit.free[k][2]
             value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
             parameters[name] = Parameter(value, (value - half, value + half), units[name])
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)

@@ -67,6 +67,10 @@ class Refined:
     slope: Vector
     shown: tuple[bool, ...]
 
+    def numbers_of(self, key: tuple[str, int]) -> list[int]:
+        """Places of a finding's numbers, by its effect and the number of its place."""
+        return [k for k, (effect, at, _) in enumerate(self.free) if (effect, at) == key]
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Removal:
@@ -89,8 +93,8 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
         key: Effect and number of its place.
         absent: Its row where it is as if it were not there.
     """
-    own = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) == key]
-    other = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) != key]
+    own = fit.numbers_of(key)
+    other = [k for k in range(len(fit.free)) if k not in own]
     change = _gone(fit, key, absent, own)
     weight = _precision(fit, own) @ change
     moved = fit.covariance[np.ix_(other, own)] @ weight
@@ -120,7 +124,7 @@ def _precision(fit: Refined, own: Sequence[int]) -> Vector:
 def vanished(fit: Refined, item: Found) -> bool:
     """Whether the 95 % interval of every amount, as the finding goes, holds what it is where there is none of it."""
     absent = _ON_TIME if item.effect == "delay" else item.absent
-    own = [k for k, (effect, at, _) in enumerate(fit.free) if (effect, at) == item.key]
+    own = fit.numbers_of(item.key)
     amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in _SHAPES]
     if absent is None or not amounts:
         return False

@@ -567,7 +567,7 @@ def gives_alone(problem: Problem, found: Sequence[Found], item: Found) -> bool:
 
 def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> float:
     """Log evidence that is lost without a finding, its price taken off: by its covariance, or tried."""
-    price = 2.0 * sum(key[:2] == item.key for key in fit.free)
+    price = 2.0 * len(fit.numbers_of(item.key))
     if item.absent is not None:
         return removal(fit, item.key, item.absent).loss - price
     if item.gain >= BEYOND_DOUBT:
