@@ -13,24 +13,27 @@ from .problem import Problem
 
 Vector = NDArray[np.float64]
 
-# one standard deviation of geometry [rad, and of an arm's length]; an arm's length as part of the robot's
+# one standard deviation of geometry [rad, and of an arm's length]; an arm's length, and how far from its frame what is
+# more there is, as part of the robot's
 STRAY, PART_OF_REACH = 0.05, 0.2
+# part of an arm's mass that may be elsewhere without more of it
+SHIFTED = 0.1
 # extra mass below which it has no center, and how thick it may be [masses of the arm, and times its length squared]
 LEAST_MASS, THICK = 0.02, 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plain:
-    """What numbers are where no run shows them, loosely: geometry as it is known, an arm's extra mass at a point.
+    """What numbers are where no run shows them, loosely: geometry as it is known, extra mass at a point near its frame.
 
     Attributes:
-        geometry: Places of the errors of geometry among the numbers that are fitted.
+        small: Places of the errors of geometry, and of where a load is, among the numbers that are fitted.
         loose: Standard deviation of each.
         arms: Of each arm with an extra mass, the places of its numbers by their names, and the arm's own mass [kg].
         length: What is long for an arm [m].
     """
 
-    geometry: tuple[int, ...]
+    small: tuple[int, ...]
     loose: Vector
     arms: tuple[tuple[dict[str, int], float], ...]
     length: float
@@ -38,23 +41,32 @@ class Plain:
     @staticmethod
     def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> Plain:
         length = PART_OF_REACH * max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
-        geometry = tuple(k for k, (effect, _, _) in enumerate(free) if effect == "kinematic_error")
-        loose = np.array([STRAY * length if free[k][2] in ("a", "d") else STRAY for k in geometry])
+        deviations: dict[int, float] = {}
+        for k, (effect, _, name) in enumerate(free):
+            if effect == "kinematic_error":
+                deviations[k] = STRAY * length if name in ("a", "d") else STRAY
+            elif effect == "payload" and name in ("x", "y", "z"):
+                deviations[k] = length
         arms: dict[int, dict[str, int]] = {}
         for k, (effect, at, name) in enumerate(free):
             if effect == "link_inertia":
                 arms.setdefault(at, {})[name] = k
         mass = {at: problem.database.inertias[at - 1].mass for at in arms}
         heavy = max(1e-3, *(body.mass for body in problem.database.inertias))
-        return Plain(geometry, loose, tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items()), length)
+        small, loose = tuple(deviations), np.array(list(deviations.values()))
+        return Plain(small, loose, tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items()), length)
 
     def apart(self, values: Vector) -> Vector:
         """By how many standard deviations numbers differ from that, shape (p,)."""
-        parts = [values[list(self.geometry)] / self.loose]
+        parts = [values[list(self.small)] / self.loose]
         for names, mass in self.arms:
-            if "mass" not in names or "Ixx" not in names:
-                continue
             there = {name: float(values[k]) for name, k in names.items()}
+            if "mass" not in there:
+                continue
+            lever = max(abs(there["mass"]), SHIFTED * mass) * self.length
+            parts.append(np.array([there[name] / lever for name in ("mx", "my", "mz") if name in there]))
+            if "Ixx" not in there:
+                continue
             point = at_a_point(there, LEAST_MASS * mass)
             size = THICK * mass * self.length**2
             parts.append(np.array([(there[name] - point[name]) / size for name in point if name in there]))

@@ -311,7 +311,7 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
         good = sorted((one for one in ranking if one.earns), key=lambda one: -one.worth)
         if not good:
             break
-        best = _likeliest(good)
+        best = _likeliest(good, twins)
         if any(one.hypothesis.curved for one in good if one.worth >= CLOSE * good[0].worth):
             if not picked:
                 winner = _tried(state, good, ranking, parts)
@@ -326,12 +326,18 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
     return picked
 
 
-def _likeliest(good: Sequence[Contender]) -> Contender:
-    """Of those that explain as much as the best, the likeliest; of those that are as likely, the simplest."""
+def _likeliest(good: Sequence[Contender], twins: Collection[tuple[str, int]]) -> Contender:
+    """Of those that explain as much as the best, the likeliest; of those that are as likely, the simplest.
+
+    Of two names of one body the load's: more hangs at a hand than is wrong with its arm.
+    """
     as_much = [one for one in good if one.worth >= good[0].worth - SAME_ENERGY]
     best = max(as_much, key=lambda one: one.gain)
-    same = (one for one in as_much if one.gain > best.gain - ALIKE or one.explains > best.explains - SIMPLER)
-    return min(same, key=lambda one: (len(one.beta), -one.gain))
+    same = [one for one in as_much if one.gain > best.gain - ALIKE or one.explains > best.explains - SIMPLER]
+    first = min(same, key=lambda one: (len(one.beta), -one.gain))
+    if first.hypothesis.key not in twins:
+        return first
+    return next((one for one in same if one.hypothesis.effect == "payload"), first)
 
 
 def _found(contender: Contender, rows: Rows) -> Found:

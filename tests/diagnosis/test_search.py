@@ -9,12 +9,12 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
-from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of
+from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.plain import at_a_point
+from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import left_with, refined, removal, vanished
-from mbexport.core.diagnosis.search import Found, Search, rows_of, search, without_bodies
+from mbexport.core.diagnosis.search import Contender, Found, Search, _likeliest, rows_of, search, without_bodies
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.representation import Inertia
 
@@ -184,6 +184,27 @@ def test_an_extra_mass_at_a_point_is_a_body():
     # Steiner, by hand
     assert about_origin["Ixx"] == pytest.approx(0.4 * (y * y + z * z))
     assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
+
+
+def test_what_hangs_at_the_last_arm_is_called_a_load():
+    asked = question()
+    there = {(h.effect, h.form): h for h in hypotheses(asked, {}, scales_of(asked, {}))}
+    nothing = np.zeros(0)
+
+    def said(name, gain, explains):
+        return Contender(there[name], gain, explains, np.zeros(4), nothing, 1.0)
+
+    arm = said(("link_inertia", "mass"), 100.0, 0.9)
+    load, lighter = (said(("payload", "point"), 90.0, explains) for explains in (0.9, 0.7))
+    assert _likeliest([arm, load], twins_of(asked)) is load
+    assert _likeliest([arm, lighter], twins_of(asked)) is arm
+
+
+def test_a_load_is_near_the_hand():
+    plain = Plain.of(question(), tuple(("payload", 0, name) for name in ("mass", "x", "y", "z")))
+    near, far = (float(np.sum(np.square(plain.apart(np.array([0.1, x, 0.0, 0.0]))))) for x in (0.05, 3.0))
+    assert near < 1.0
+    assert far > 50.0
 
 
 def test_numbers_that_no_run_shows_are_not_said_to_be_known():
