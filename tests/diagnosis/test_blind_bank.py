@@ -128,7 +128,9 @@ def score(bank_module):
     return bank_module("score")
 
 
-def case(score, wanted, found, *, group="single", strength="strong", alike=None, verdict="explained", total=None):
+def case(
+    score, wanted, found, *, group="single", strength="strong", alike=None, fitted=1e3, verdict="explained", total=None
+):
     stated = [
         {"effect": e, "at": at, "exact": True, "scored": True, "total": total or {"torque": 1.0}} for e, at in wanted
     ]
@@ -147,7 +149,16 @@ def case(score, wanted, found, *, group="single", strength="strong", alike=None,
         for e, at, *others in found
     ]
     said = {"verdict": verdict, "which": which, "how_far": {}}
-    return score.Case("a", truth, said, alike, 10.0)
+    apart = alike and [
+        {
+            "effect": own[0],
+            "at": own[1],
+            "fitted": fitted,
+            "alike": [{"effect": effect, "at": at} for effect, at in sorted(names - {own})],
+        }
+        for own, names in zip(wanted, alike, strict=True)
+    ]
+    return score.Case("a", truth, said, apart, 10.0)
 
 
 def figure(score, cases, name):
@@ -163,6 +174,10 @@ def test_a_name_counts_as_far_as_it_can_be_told_apart(score):
     twin = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB, VISCOUS}])
     assert figure(score, [right, wrong, twin], "single effect: effect and place right") == [True, False]
     assert figure(score, [right, wrong, twin], "... by its name or one") == [True, False, True]
+    # what the runs do not show that a fit may see counts among all, not among what can be told apart
+    hidden = case(score, [COULOMB], [], alike=[{COULOMB}], fitted=1.0)
+    assert figure(score, [right, hidden], "single effect: effect and place right") == [True]
+    assert figure(score, [right, hidden], "... by its name or one") == [True, False]
     in_set = case(score, [COULOMB], [(*VISCOUS, COULOMB)])
     assert figure(score, [wrong, in_set], "single effect: truth in the reported set") == [False, True]
     both = case(score, [COULOMB, VISCOUS], [VISCOUS, COULOMB], group="pair")
