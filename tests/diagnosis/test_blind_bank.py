@@ -174,10 +174,10 @@ def test_a_name_counts_as_far_as_it_can_be_told_apart(score):
     twin = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB, VISCOUS}])
     assert figure(score, [right, wrong, twin], "single effect: effect and place right") == [True, False]
     assert figure(score, [right, wrong, twin], "... by its name or one") == [True, False, True]
-    # what the runs do not show that a fit may see counts among all, not among what can be told apart
+    # what the runs do not show that a fit may see counts, and is told beside
     hidden = case(score, [COULOMB], [], alike=[{COULOMB}], fitted=1.0)
-    assert figure(score, [right, hidden], "single effect: effect and place right") == [True]
-    assert figure(score, [right, hidden], "... by its name or one") == [True, False]
+    assert figure(score, [right, hidden], "single effect: effect and place right") == [True, False]
+    assert figure(score, [right, hidden], "... and the fitted runs show it") == [True]
     in_set = case(score, [COULOMB], [(*VISCOUS, COULOMB)])
     assert figure(score, [wrong, in_set], "single effect: truth in the reported set") == [False, True]
     both = case(score, [COULOMB, VISCOUS], [VISCOUS, COULOMB], group="pair")
