@@ -101,7 +101,8 @@ def place_of(effect: str, at: int) -> str:
 class Scales:
     """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia.
 
-    With what is left of every run's torque, and of its arm sides' positions where these were measured, shapes (m, n).
+    With what is left of every run's torque, and of its arm sides' positions where these were measured, shapes (m, n);
+    and the weight [N] that each joint bears, with the length [m] of the arms from there on, shapes (n,).
     """
 
     torque: Vector
@@ -113,6 +114,8 @@ class Scales:
     turned: list[Vector] = field(default_factory=list[Vector])
     mass: float = 1.0
     length: float = 1.0
+    weight: Vector = field(default_factory=lambda: np.zeros(0))
+    lever: Vector = field(default_factory=lambda: np.zeros(0))
 
 
 def _felt(run: Prepared, speech: Said) -> Vector | None:
@@ -142,7 +145,10 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         left.append(apart[name] * mask[name] if name else np.zeros_like(run.q))
         turned.append(apart["q_link"] * mask["q_link"] if "q_link" in apart else np.zeros_like(run.q))
     arms = [stage.arm for stage in robots[0].stages]
-    reach = max(1e-2, sum(math.hypot(*arm.link.pose().xyz) for arm in arms))
+    masses = np.array([max(arm.inertia.mass, 0.0) for arm in arms])
+    lengths = np.array([math.hypot(*arm.link.pose().xyz) for arm in arms])
+    lengths[-1] += math.hypot(*robots[0].tool.xyz)
+    reach = max(1e-2, float(lengths.sum()))
     return Scales(
         np.maximum(torque, 1e-6),
         np.maximum(speed, 1e-6),
@@ -151,8 +157,10 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         np.maximum(inertia, 1e-9),
         left,
         turned,
-        max(0.001, *(arm.inertia.mass for arm in arms)),
+        max(0.001, float(masses.max())),
         reach,
+        9.81 * np.maximum(np.cumsum(masses[::-1])[::-1], 0.001),
+        np.maximum(np.cumsum(lengths[::-1])[::-1], 0.01 * reach),
     )
 
 
@@ -173,7 +181,7 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         effect = effect_named(name)
         places = (0,) if effect.key == "robot" else range(1, n + 1)
         for at in places:
-            if (name, at) in skip or not _possible(problem, name, at):
+            if (name, at) in skip or not possible(problem, name, at):
                 continue
             if (name, at) in twins and (twins - {(name, at)}) & there:
                 continue
@@ -218,7 +226,7 @@ def twins_of(problem: Problem) -> set[tuple[str, int]]:
     return {("payload", 0), ("link_inertia", problem.database.n)}
 
 
-def _possible(problem: Problem, name: str, at: int) -> bool:
+def possible(problem: Problem, name: str, at: int) -> bool:
     """Whether an effect can say anything here."""
     database = problem.database
     controls = {run.run.control.mode for run in problem.evidence.runs}
@@ -239,7 +247,7 @@ def _possible(problem: Problem, name: str, at: int) -> bool:
 Form = Callable[[Problem, Scales, str, int, "Values | None"], list[Hypothesis]]
 
 
-def _defaults(name: str) -> Values:
+def defaults(name: str) -> Values:
     return {column.name: 0.0 if column.default is None else column.default for column in effect_named(name).columns}
 
 
@@ -253,7 +261,7 @@ def _added(
     fixed: Values | None = None,
 ) -> Hypothesis:
     """Numbers that add to a row's columns."""
-    start = (known or _defaults(name)) | (fixed or {})
+    start = (known or defaults(name)) | (fixed or {})
     columns = tuple(scale)
     least = {column.name: column.minimum for column in effect_named(name).columns}
 
@@ -395,13 +403,13 @@ def _compliance(problem: Problem, scales: Scales, name: str, at: int, known: Val
 
 def _bearing(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
     """Six directions that give; each starts soft enough to be seen, hard enough to be near nothing."""
-    force = 9.81 * scales.mass
+    force, lever = scales.weight[at - 1], scales.lever[at - 1]
     angles = {"krx", "kry", "krz"}
     names = ["kx", "ky", "kz", "krx", "kry", "krz"]
     own = "krz" if _revolute(problem, at) else "kz"
     names.remove(own)
-    start = known or _defaults(name)
-    give = {k: (1e-4 / (force * scales.length) if k in angles else 1e-4 * scales.length / force) for k in names}
+    start = known or defaults(name)
+    give = {k: (1e-4 / (force * lever) if k in angles else 1e-4 * lever / force) for k in names}
 
     def values(beta: Vector) -> Values | None:
         out = dict(start)
@@ -415,13 +423,13 @@ def _bearing(problem: Problem, scales: Scales, name: str, at: int, known: Values
                     out[damping] = 2e-3 * out[k]
         return out
 
-    scale = np.array([10.0 * give[k] for k in names])
+    scale = np.array([30.0 * give[k] for k in names])
     return [Hypothesis(name, at, "", values, scale, np.zeros(len(names)), curved=True)]
 
 
 def _bend(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    start = known or _defaults(name)
-    give = 1e-3 / (9.81 * scales.mass * scales.length)
+    start = known or defaults(name)
+    give = 1e-3 / (scales.weight[at - 1] * scales.lever[at - 1])
     columns = ("ku", "kv")
 
     def values(beta: Vector) -> Values | None:
@@ -458,7 +466,7 @@ def clamped(problem: Problem, at: int) -> bool:
 
 
 def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    start = known or _defaults(name)
+    start = known or defaults(name)
     size = 2e-3 if _revolute(problem, at) else 2e-3 * scales.length
     if clamped(problem, at):
         # of the motor's way there
@@ -582,12 +590,12 @@ def _clear(power: Vector) -> float:
 def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
     """A body at the last arm: mass and first moments of a point, beside one that the nominal robot has."""
     m, x = _load_scale(problem, scales), 0.3 * scales.length
-    start = known or _defaults(name)
+    start = known or defaults(name)
 
     def point(beta: Vector) -> Values | None:
         mass = start["mass"] + float(beta[0])
         if mass <= 1e-9:
-            return dict(_defaults(name))
+            return dict(defaults(name))
         first = [start["mass"] * start[axis] + float(b) for axis, b in zip("xyz", beta[1:4], strict=True)]
         return start | {"mass": mass} | {axis: value / mass for axis, value in zip("xyz", first, strict=True)}
 

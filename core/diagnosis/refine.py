@@ -28,6 +28,8 @@ _HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("da
 # numbers that say how an effect goes, not how much of it there is
 _SHAPES = ("phase", "cycles", "velocity", "rest", "slips")
 _EVALUATIONS = 25
+# change of the sum of squares, or of the numbers, from which a fit has come to its end
+ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
 # factors on what a drive is said to do, and how far from 1 they may be
 _FACTORS = (("controller_gain", "kp"), ("controller_gain", "kd"), ("torque_constant", "gain"))
 MOST_TIMES = 20.0
@@ -215,15 +217,16 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     sigma = spread(residual(x), parts)
     sigma_last = sigma
     solution: Any = None
-    for _ in range(2):
+    # the first time only the spread is to be settled
+    for enough in (ROUGHLY, CLOSELY):
         solution = optimize.least_squares(
             whitened,
             x,
             bounds=(low, high),
             diff_step=1e-3,
             max_nfev=_EVALUATIONS,
-            xtol=1e-6,
-            ftol=1e-7,
+            xtol=enough,
+            ftol=enough,
             args=(sigma,),
         )
         x = np.asarray(solution.x)

@@ -24,6 +24,7 @@ from .nuisances import Whitening
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
 from .refine import Refined, free_columns, refined, removal
+from .resonance import springs
 
 Vector = NDArray[np.float64]
 
@@ -48,6 +49,12 @@ SIMPLER = 0.002
 CLOSE = 0.6
 # every number more must explain this part more
 DEARER = 0.1
+# standard deviations of pure noise above it from which springs are looked for by their resonance
+LOUD = 5.0
+# part of the gap's energy for which they are not
+CRUMB = 0.05
+# of a plain amount, what is none
+NONE = 1.0e-6
 # effects with so many numbers that they may be found with some of them and need the others later
 PARTIAL = ("kinematic_error", "link_inertia", "payload")
 # names that are tried in the place of several
@@ -86,7 +93,18 @@ class Contender:
     @property
     def worth(self) -> float:
         """What it explains, less for every number that it needs for that."""
-        return self.explains / (1.0 + DEARER * (len(self.beta) - 1))
+        return self.explains / self.price
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers it needs: those that stand at the least they can be are not there."""
+        least, scale = self.hypothesis.lower, self.hypothesis.scale
+        return max(1, int(np.sum(self.beta > least + NONE * scale)))
+
+    @property
+    def price(self) -> float:
+        """By what its energy is divided for the numbers that it needs."""
+        return 1.0 + DEARER * (self.numbers - 1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -131,6 +149,7 @@ class Search:
         signatures: What was worked out of a hypothesis before: how it begins apart from what is left, and its slope.
             What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
+        alone: Sum of squares that a candidate left alone with all its numbers free, where that was tried.
         banned: Effects and numbers of places that are out: they need a body that cannot exist, or did not hold.
     """
 
@@ -144,6 +163,7 @@ class Search:
         default_factory=dict[tuple[str, int, str], tuple[Vector, Vector]]
     )
     scales: Scales | None = None
+    alone: dict[tuple[str, int], float] = field(default_factory=dict[tuple[str, int], float])
     banned: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
 
     def begin(self) -> None:
@@ -176,13 +196,25 @@ def rows_of(found: Sequence[Found]) -> Rows:
 
 def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
     """Find the effects, from where a search stands."""
+    parts = blocks(state.problem.evidence)
+    _gather(state, parts, tell)
+    if (spring := _spring_instead(state, parts)) is not None:
+        state.begin()
+        prune(state, [spring], refined(state.problem, state.whiten, [spring], parts), parts)
+        _gather(state, parts, tell)
+    _condense(state, parts)
+    return state
+
+
+def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | None) -> None:
+    """Take one cause after the other until none is left that earns its place."""
     problem, whiten = state.problem, state.whiten
-    parts = blocks(problem.evidence)
     most = 3 * problem.database.n + MORE_THAN_USUAL
     failed: list[set[tuple[str, int]]] = []
     while len(state.found) < most:
         before = list(state.found)
-        picked = _picked(state, parts, most - len(before), sorted(set[tuple[str, int]]().union(*failed)))
+        out = sorted(set[tuple[str, int]]().union(*failed))
+        picked = _picked(state, parts, most - len(before), out) or _ringing(state, parts, out)
         if not picked:
             break
         if tell:
@@ -213,8 +245,6 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
             failed.append({item.key for item in picked})
             if len(failed) == MOST_FAILED:
                 break
-    _condense(state, parts)
-    return state
 
 
 def _beside_or_more(found: Sequence[Found], picked: Sequence[Found]) -> list[Found]:
@@ -247,6 +277,9 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         if rows is None or key in state.banned or not fuller or any(h.key == key for h in tried):
             continue
         tried.append(hypothesis)
+        if len(state.found) == 2 and state.alone.get(key, 0.0) > _best_alone(state):
+            # it would have to say alone what one of the two said better
+            continue
         trial = [replace(item, gain=0.0) for item in (_found(contender, rows), *state.found) if item is not there]
         fit = refined(state.problem, state.whiten, trial, parts)
         other = Search(state.problem, state.whiten)
@@ -260,6 +293,11 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         if fewer > 0 and worse < fewer * THRESHOLD + 2.0 * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
+
+
+def _best_alone(state: Search) -> float:
+    """What the best of the findings left alone; infinity where none was tried so."""
+    return min((state.alone.get(item.key, math.inf) for item in state.found), default=math.inf)
 
 
 def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
@@ -334,7 +372,7 @@ def _likeliest(good: Sequence[Contender], twins: Collection[tuple[str, int]]) ->
     as_much = [one for one in good if one.worth >= good[0].worth - SAME_ENERGY]
     best = max(as_much, key=lambda one: one.gain)
     same = [one for one in as_much if one.gain > best.gain - ALIKE or one.explains > best.explains - SIMPLER]
-    first = min(same, key=lambda one: (len(one.beta), -one.gain))
+    first = min(same, key=lambda one: (one.numbers, -one.gain))
     if first.hypothesis.key not in twins:
         return first
     return next((one for one in same if one.hypothesis.effect == "payload"), first)
@@ -484,13 +522,15 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
         item = _found(contender, rows)
         fit = refined(state.problem, state.whiten, [*state.found, item], parts)
         tried[id(contender)] = (contender, item, fit)
+        if not state.found:
+            state.alone[item.key] = min(_energy(fit.left), state.alone.get(item.key, math.inf))
     if not tried:
         return None
     least = min((fit.left for _, _, fit in tried.values()), key=_energy)
     sigma = spread(least, parts)
     scored = [
         (
-            gained(state.left, fit.left, sigma, parts) - 2.0 * len(contender.beta),
+            gained(state.left, fit.left, sigma, parts) - 2.0 * contender.numbers,
             contender,
             item,
             fit,
@@ -501,10 +541,7 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     if not earning:
         return None
     # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
-    worth = [
-        (_energy(state.left) - _energy(fit.left)) / (1.0 + DEARER * (len(contender.beta) - 1))
-        for _, contender, _, fit in earning
-    ]
+    worth = [(_energy(state.left) - _energy(fit.left)) / contender.price for _, contender, _, fit in earning]
     most = max(worth)
     as_much = [entry for entry, one in zip(earning, worth, strict=True) if one >= most - SAME_ENERGY * abs(most)]
     best = max(as_much, key=lambda entry: entry[0])
@@ -516,6 +553,57 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     )
     gain, _, item, fit = min(same, key=lambda entry: (len(entry[3].free), -entry[0]))
     return replace(item, row=fit.rows[item.key], gain=gain)
+
+
+def _spring_instead(state: Search, parts: Sequence[Part]) -> Found | None:
+    """A spring that rings and explains more than everything that was found in its place, where much is left."""
+    if not state.found or not _loud(state):
+        return None
+    alone = state.without(())
+    picked = _ringing(alone, parts, ())
+    if not picked or picked[0].key in {item.key for item in state.found}:
+        return None
+    fit = refined(state.problem, state.whiten, picked, parts)
+    return picked[0] if _energy(fit.left) < _energy(state.left) else None
+
+
+def _loud(state: Search) -> float:
+    """Energy of what is left above noise; 0 where it is no more than noise may have, or a crumb of the gap."""
+    count = len(state.left)
+    above, first = _energy(state.left) - count, _energy(_nothing(state)) - count
+    return above if above > max(LOUD * math.sqrt(2.0 * count), CRUMB * first) else 0.0
+
+
+def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]]) -> list[Found]:
+    """The spring that explains most of what no signature does, where that is loud; none or one."""
+    loud = _loud(state)
+    if state.scales is None or not loud:
+        return []
+    rows = rows_of(state.found)
+    tried: list[tuple[float, Hypothesis, Vector]] = []
+    for hypothesis in springs(state.problem, rows, state.scales, {*state.banned, *skip}):
+        spring = hypothesis.rows(np.zeros_like(hypothesis.scale))
+        if spring is not None:
+            left = state.whiten(state.problem.misfit(merged(rows, spring)))
+            tried.append((_energy(left), hypothesis, left))
+    tried.sort(key=lambda one: (one[0], one[1].key, one[1].form))
+    if not tried:
+        return []
+    sigma = spread(tried[0][2], parts)
+    good = [
+        Contender(
+            hypothesis,
+            gained(state.left, left, sigma, parts),
+            float(np.clip((_energy(state.left) - energy) / loud, 0.0, 1.0)),
+            np.zeros_like(hypothesis.scale),
+            left,
+            0.0,
+        )
+        for energy, hypothesis, left in tried
+    ]
+    good = [one for one in good if one.earns]
+    winner = _tried(state, good, good, parts)
+    return [winner] if winner else []
 
 
 def _few(order: Sequence[Contender], count: int) -> list[Contender]:

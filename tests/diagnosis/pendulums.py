@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from mbexport.core.control import Control
 from mbexport.core.recording import Run
@@ -110,3 +111,37 @@ def pendulum_run(
     control = Control("pd", (KP,), (KD,)) if mode == "pd" else Control(mode)
     stated = {"q": np.array([sigma["q"]]), "tau": np.array([sigma["tau"]])}
     return Run("swing", t, signals, control, stated, (), {}, "", (), rate)
+
+
+def soft_run(
+    stiffness: float, damping: float, *, seed: int = 0, noisy: bool = True, duration: float = 4.0, rate: float = 250.0
+) -> Run:
+    """What the sensors say of a pendulum that hangs behind a spring from a motor that goes as it is told.
+
+    Args:
+        stiffness, damping: Of the spring [N m/rad, N m s/rad].
+        seed: Of the noise.
+        noisy: Whether there is any.
+        duration: [s].
+        rate: Of the record [Hz].
+    """
+    t = np.arange(int(duration * rate) + 1) / rate
+
+    def asked(s: Vector | float) -> tuple[Vector, Vector]:
+        """Position and speed, of which even the acceleration begins at nothing."""
+        x = 5.3 * np.asarray(s, dtype=float)
+        return 0.4 * (1.0 - np.cos(x)) ** 2, 0.4 * 5.3 * 2.0 * (1.0 - np.cos(x)) * np.sin(x)
+
+    def passed(s: Vector | float, q: Vector, dq: Vector) -> Vector:
+        theta, dtheta = asked(s)
+        return stiffness * (theta - q) + damping * (dtheta - dq)
+
+    def bend(s: float, y: Vector) -> Vector:
+        return np.array([y[1], (passed(s, y[0], y[1]) - WEIGHT * np.sin(y[0])) / INERTIA])
+
+    q, dq = solve_ivp(bend, (0.0, t[-1]), [0.0, 0.0], "DOP853", t, rtol=1e-10, atol=1e-12).y
+    random = np.random.default_rng(seed)
+    exact = {"q": asked(t)[0], "tau": passed(t, q, dq)}
+    signals = {name: (one + noisy * NOISE[name] * random.normal(size=len(t)))[:, None] for name, one in exact.items()}
+    noise = {name: np.array([NOISE[name]]) for name in ("q", "tau")}
+    return Run("swing", t, signals, Control("motion"), noise, (), {}, "", (), rate)

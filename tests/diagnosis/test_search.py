@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
@@ -14,11 +15,21 @@ from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import left_with, refined, removal, vanished
-from mbexport.core.diagnosis.search import Contender, Found, Search, _likeliest, rows_of, search, without_bodies
+from mbexport.core.diagnosis.search import (
+    Contender,
+    Found,
+    Search,
+    _likeliest,
+    _ringing,
+    rows_of,
+    search,
+    without_bodies,
+)
 from mbexport.core.effects import EffectRow, effect_named
+from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
 
-from .pendulums import KD, KP, command, pendulum_run
+from .pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run
 
 NO_SPRING = EffectRow(1, {"stiffness": 0.0, "rest": 0.0})
 COLUMNS = [column.name for column in effect_named("link_inertia").columns]
@@ -173,6 +184,39 @@ def gear(q):
 
 def row(hypothesis: Hypothesis):
     return hypothesis.values(hypothesis.scale) or {}
+
+
+def test_a_spring_that_rings_is_found_by_its_resonance():
+    """Near a rigid joint its signature points elsewhere: at a ripple and an extra mass."""
+    stiffness = INERTIA * 20.0**2
+    asked = problem(load("pendulum"), "rigid", [soft_run(stiffness, 0.05, seed=seed) for seed in (1, 2)])
+    state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
+    state.begin()
+    (spring,) = _ringing(state, blocks(asked.evidence), ())
+    assert (spring.effect, spring.place) == ("joint_compliance", "joint_1")
+    assert spring.row.values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
+    assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
+
+
+def test_what_gives_is_plain_by_the_load_that_it_bears():
+    """Solid round rods of 0.5 and 0.4 m; the second joint bears the second only."""
+    robot = load("planar2r")
+    t = np.arange(500) / 250.0
+    q = np.column_stack([0.5 * np.sin(2.0 * t), 0.3 * np.sin(3.0 * t)])
+    noise = {"q": np.full(2, 1e-4), "tau": np.full(2, 0.01)}
+    run = Run("swing", t, {"q": q, "tau": np.zeros_like(q)}, Control("motion"), noise, (), {}, "", (), 250.0)
+    scales = scales_of(problem(robot, "rigid", [run]), {})
+    first, second = (inertia.mass for inertia in robot.inertias)
+    assert scales.weight == pytest.approx(9.81 * np.array([first + second, second]))
+    assert scales.lever == pytest.approx([0.9, 0.4])
+
+
+def test_a_number_that_is_not_there_costs_nothing():
+    least, nothing = np.array([0.0, 0.0, -np.inf]), np.zeros(0)
+    bearing = Hypothesis("joint_compliance_6d", 1, "", lambda beta: {}, np.ones(3), least)
+    contender = Contender(bearing, 50.0, 0.6, np.array([0.0, 0.5, 0.0]), nothing, 1.0)
+    assert contender.numbers == 2
+    assert contender.worth == pytest.approx(0.6 / 1.1)
 
 
 def test_an_extra_mass_at_a_point_is_a_body():

@@ -1,0 +1,67 @@
+"""Springs by their resonance: where a soft one rings, its signature holds near its own stiffness only.
+
+What gives is looked for along its whole range, one softness after the other; the search takes those that come nearest
+and frees their numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+import numpy as np
+
+from .hypotheses import Hypothesis, Scales, Values, clamped, defaults, possible
+from .model import Rows
+from .problem import Problem
+
+# how far each gives under its plain load: an angle [rad] or a part of its arm's length, each so many times the last
+LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
+# of the critical damping: what rings long is near at its own stiffness only
+DAMPED = 0.1
+_KINDS: dict[str, tuple[str, ...]] = {
+    "joint_compliance": ("stiffness",),
+    "joint_compliance_6d": ("krx", "kry"),
+    "link_flexibility": ("ku", "kv"),
+}
+_DAMPING = {"stiffness": "damping", "krx": "brx", "kry": "bry", "ku": "bu", "kv": "bv"}
+
+
+def springs(problem: Problem, rows: Rows, scales: Scales, skip: Collection[tuple[str, int]]) -> list[Hypothesis]:
+    """Everything that could give beside these rows, from hard to soft, but for what to skip.
+
+    Args:
+        problem: The question.
+        rows: What was found.
+        scales: Loads of the joints.
+        skip: Effects and numbers of places.
+    """
+    taken = {(name, row.at) for name in _KINDS for row in rows.get(name, ())} | set(skip)
+    out: list[Hypothesis] = []
+    for name, columns in _KINDS.items():
+        for at in range(1, problem.database.n + 1):
+            known = problem.row_at(name, at, {})
+            if (name, at) in taken or known is not None or not possible(problem, name, at) or clamped(problem, at):
+                continue
+            weight, lever = scales.weight[at - 1], scales.lever[at - 1]
+            # as a rod bears itself
+            load, inertia = weight * lever, weight / 9.81 * lever**2 / 3.0
+            if name == "joint_compliance":
+                load, inertia = scales.torque[at - 1], scales.inertia[at - 1]
+            for give in np.geomspace(LEAST, MOST, STEPS).tolist():
+                out.append(_spring(name, at, columns, load / give, inertia))
+    return out
+
+
+def _spring(name: str, at: int, columns: tuple[str, ...], stiffness: float, inertia: float) -> Hypothesis:
+    """One that is as stiff in each of its directions; its numbers are how much softer each is, as logarithms."""
+
+    def values(beta: np.ndarray) -> Values:
+        out = defaults(name)
+        for column, softer in zip(columns, beta.tolist(), strict=True):
+            out[column] = stiffness * math.exp(-softer)
+            out[_DAMPING[column]] = DAMPED * 2.0 * math.sqrt(out[column] * inertia)
+        return out
+
+    one = np.ones(len(columns))
+    return Hypothesis(name, at, f"{stiffness:.3g}", values, one, -np.inf * one, alone=False, curved=True)
