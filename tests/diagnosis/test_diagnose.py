@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import mbexport
+from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnosis import HowFar
 from mbexport.core.diagnosis.held import _idle
 from mbexport.core.diagnosis.search import Found
@@ -62,7 +63,9 @@ def test_what_is_in_no_catalogue_is_not_explained():
     assert answer.unexplained.share > 0.3
 
 
-def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one():
+def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one(monkeypatch):
+    """And nothing is looked for where the fitted runs show only noise."""
+    monkeypatch.setattr(diagnose, "search", lambda *_: pytest.fail("searched"))
     seen, (rubs,) = runs(), runs(lambda t, q, dq: 0.4 * dq, seeds=(3,))
     answer = mbexport.diagnose("pendulum", seen, [rubs], level="rigid", backends=[])
     assert (answer.verdict, answer.which) == ("unexplained", ())

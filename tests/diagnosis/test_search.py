@@ -236,7 +236,7 @@ def test_what_hangs_at_the_last_arm_is_called_a_load():
     nothing = np.zeros(0)
 
     def said(name, gain, explains):
-        return Contender(there[name], gain, explains, np.zeros(4), nothing, 1.0)
+        return Contender(there[name], gain, explains, np.ones(4), nothing, 1.0)
 
     arm = said(("link_inertia", "mass"), 100.0, 0.9)
     load, lighter = (said(("payload", "point"), 90.0, explains) for explains in (0.9, 0.7))
@@ -247,6 +247,13 @@ def test_what_hangs_at_the_last_arm_is_called_a_load():
 def test_a_load_is_near_the_hand():
     plain = Plain.of(question(), tuple(("payload", 0, name) for name in ("mass", "x", "y", "z")))
     near, far = (float(np.sum(np.square(plain.apart(np.array([0.1, x, 0.0, 0.0]))))) for x in (0.05, 3.0))
+    assert near < 1.0
+    assert far > 50.0
+
+
+def test_the_extra_mass_of_an_arm_is_near_the_arm():
+    plain = Plain.of(question(), tuple(("link_inertia", 1, name) for name in ("mass", "mx", "my", "mz")))
+    near, far = (float(np.sum(np.square(plain.apart(np.array([0.5, 0.5 * x, 0.0, 0.0]))))) for x in (0.05, 3.0))
     assert near < 1.0
     assert far > 50.0
 
