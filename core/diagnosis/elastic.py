@@ -1,9 +1,9 @@
 """Arms behind springs whose motor sides move as recorded; plain text that Numba compiles.
 
-Newmark's method (1959), free of damping of its own. With constant average acceleration (beta = 1/4) it is stable at any
-step, so that a spring may be much stiffer than the record is fast; its periods are too long by (omega h)^2 / 12. Springs
-that the record can follow have beta = 1/12, of fourth order (Fox and Goodwin, 1949): in seconds of ringing a thousandth
-of a period is many times the noise.
+Newmark's method (1959), free of damping of its own. With constant average acceleration (beta = 1/4) it is stable at
+any step, so that a spring may be much stiffer than the record is fast; its periods are too long by (omega h)^2 / 12.
+Springs that the record can follow have beta = 1/12, of fourth order (Fox and Goodwin, 1949): in seconds of ringing a
+thousandth of a period is many times the noise.
 """
 
 from __future__ import annotations
