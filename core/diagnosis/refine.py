@@ -44,6 +44,8 @@ BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
 _ON_TIME = EffectRow(0, {"time": 0.0})
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
+# what a bearing's direction must add to the log evidence not to be rigid
+BEARING, TOLD = "joint_compliance_6d", 1.0
 # of what is known of a number the part that the runs must say
 RESOLVED = 0.5
 
@@ -167,7 +169,32 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         if best.left @ best.left - other.left @ other.left < BETTER:
             break
         best = other
-    return best
+    rows = stiffened(problem, whiten, best.rows, parts)
+    if all(rows[key] is row for key, row in best.rows.items()):
+        return best
+    return _within(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
+
+
+def stiffened(
+    problem: Problem, whiten: Whitening, fitted: Mapping[tuple[str, int], EffectRow], parts: Sequence[Part]
+) -> dict[tuple[str, int], EffectRow]:
+    """Rows whose bearings are rigid wherever nothing tells how little they give, the stiffest direction first."""
+    rows = dict(fitted)
+    for key in [key for key in rows if key[0] == BEARING]:
+        left = left_with(problem, whiten, tables(rows))
+        sigma = spread(left, parts)
+        for name in _gives(rows[key])[:-1]:
+            rigid = EffectRow(key[1], {**rows[key].values, name: math.inf, "b" + name[1:]: 0.0})
+            rest = left_with(problem, whiten, tables({**rows, key: rigid}))
+            if 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2)) < TOLD:
+                rows[key] = rigid
+    return rows
+
+
+def _gives(bearing: EffectRow) -> list[str]:
+    """Directions in which a bearing is not rigid, the stiffest first."""
+    finite = [name for name, value in bearing.values.items() if name.startswith("k") and math.isfinite(value)]
+    return sorted(finite, key=lambda name: -bearing.values[name])
 
 
 def _beyond(problem: Problem, delay: EffectRow) -> EffectRow | None:

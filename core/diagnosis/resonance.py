@@ -16,7 +16,7 @@ from .model import Rows
 from .problem import Problem
 
 # how far each gives under its plain load: an angle [rad] or a part of its arm's length, each so many times the last
-LEAST, MOST, STEPS = 3.0e-4, 0.1, 14
+LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
 _KINDS: dict[str, tuple[str, ...]] = {

@@ -9,12 +9,13 @@ import pytest
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
+from mbexport.core.diagnosis import refine
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import left_with, refined, removal, vanished
+from mbexport.core.diagnosis.refine import left_with, refined, removal, stiffened, vanished
 from mbexport.core.diagnosis.search import (
     Contender,
     Found,
@@ -196,6 +197,27 @@ def test_a_spring_that_rings_is_found_by_its_resonance():
     assert (spring.effect, spring.place) == ("joint_compliance", "joint_1")
     assert spring.row.values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
     assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_bearing_is_rigid_where_nothing_tells_how_little_it_gives(monkeypatch):
+    asked = question()
+    parts = blocks(asked.evidence)
+    noise = np.random.default_rng(1).normal(size=len(asked.evidence.weights))
+
+    def left(problem, whiten, rows):
+        """Only kx shows."""
+        (there,) = rows["joint_compliance_6d"]
+        return noise + np.where(np.arange(len(noise)) < 9, 500.0 / there.values["kx"] - 1.0, 0.0) * 5.0
+
+    monkeypatch.setattr(refine, "left_with", left)
+    rigid = {column.name: column.default for column in effect_named("joint_compliance_6d").columns}
+    row = EffectRow(1, {**rigid, "kx": 500.0, "bx": 2.0, "krx": 900.0, "brx": 0.1, "kry": 700.0, "bry": 0.1})
+    bearing = ("joint_compliance_6d", 1)
+    firm = stiffened(asked, whitening(asked), {bearing: row}, parts)
+    assert firm[bearing].values == {**rigid, "kx": 500.0, "bx": 2.0}
+    # at least one direction stays
+    only = {bearing: EffectRow(1, {**rigid, "krx": 900.0})}
+    assert stiffened(asked, whitening(asked), only, parts) == only
 
 
 def test_what_gives_is_plain_by_the_load_that_it_bears():
