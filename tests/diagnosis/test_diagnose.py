@@ -104,6 +104,13 @@ def test_what_a_law_of_another_form_leaves_is_told_and_not_open():
         assert "no more than a law leaves" in answer.summary()
 
 
+def test_what_rings_outside_the_catalogue_is_told_beside_a_bearing():
+    """A mount under the base and a load that sloshes look like one."""
+    bearing, friction = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("joint_compliance_6d", "viscous_friction"))
+    assert any("sloshes" in note for note in diagnose.outside_names([friction, bearing]))
+    assert diagnose.outside_names([friction]) == []
+
+
 def far(total, without, sure):
     nothing = {}
     return HowFar(nothing, nothing, nothing, total, sure, nothing, without=without)
