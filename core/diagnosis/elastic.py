@@ -95,11 +95,11 @@ def arms_along(
     for k in range(m):
         # at the first sample only the accelerations are to be found
         step = h if k > 0 else 0.0
-        for a in range(e if k > 0 else 0):
-            i = elastic[a]
-            q[k, i] = q[k - 1, i] + h * dq[k - 1, i] + 0.5 * h * h * ddq[k - 1, i]
-            dq[k, i] = dq[k - 1, i] + h * ddq[k - 1, i]
-            ddq[k, i] = ddq[k - 1, i]
+        if k > 0:
+            for i in elastic:
+                q[k, i] = q[k - 1, i] + h * dq[k - 1, i] + 0.5 * h * h * ddq[k - 1, i]
+                dq[k, i] = dq[k - 1, i] + h * ddq[k - 1, i]
+                ddq[k, i] = ddq[k - 1, i]
         mass_matrix_and_bias(chain, q[k], dq[k], mass, bias)
         # two passes: the second knows on which side of its clearance each spring ends up
         for _ in range(2):

@@ -248,6 +248,7 @@ Form = Callable[[Problem, Scales, str, int, "Values | None"], list[Hypothesis]]
 
 
 def defaults(name: str) -> Values:
+    """Every number of an effect's row as it is where the row says nothing, 0 where it has to say something."""
     return {column.name: 0.0 if column.default is None else column.default for column in effect_named(name).columns}
 
 

@@ -198,9 +198,8 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
     """Find the effects, from where a search stands."""
     parts = blocks(state.problem.evidence)
     _gather(state, parts, tell)
-    if (spring := _spring_instead(state, parts)) is not None:
-        state.begin()
-        prune(state, [spring], refined(state.problem, state.whiten, [spring], parts), parts)
+    if (instead := _spring_instead(state, parts)) is not None:
+        prune(state, *instead, parts)
         _gather(state, parts, tell)
     _condense(state, parts)
     return state
@@ -273,7 +272,7 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         hypothesis = contender.hypothesis
         key, rows = hypothesis.key, hypothesis.rows(contender.beta)
         there = next((item for item in state.found if item.key == key), None)
-        fuller = there is None or len(contender.beta) > len(free_columns(there.effect, there.row))
+        fuller = there is None or contender.numbers > len(free_columns(there.effect, there.row))
         if rows is None or key in state.banned or not fuller or any(h.key == key for h in tried):
             continue
         tried.append(hypothesis)
@@ -555,16 +554,15 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     return replace(item, row=fit.rows[item.key], gain=gain)
 
 
-def _spring_instead(state: Search, parts: Sequence[Part]) -> Found | None:
-    """A spring that rings and explains more than everything that was found in its place, where much is left."""
+def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:
+    """A spring that rings and explains more than all that was found instead, where much is left; and its fit."""
     if not state.found or not _loud(state):
         return None
-    alone = state.without(())
-    picked = _ringing(alone, parts, ())
+    picked = _ringing(state.without(()), parts, ())
     if not picked or picked[0].key in {item.key for item in state.found}:
         return None
     fit = refined(state.problem, state.whiten, picked, parts)
-    return picked[0] if _energy(fit.left) < _energy(state.left) else None
+    return (picked, fit) if _energy(fit.left) < _energy(state.left) else None
 
 
 def _loud(state: Search) -> float:
