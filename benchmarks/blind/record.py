@@ -71,7 +71,10 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
         for axis, label in enumerate("xyz"):
             columns[f"ee_{label}"] = values["ee"][:, axis]
         if sensors["orientation"]:
-            columns.update(orientation(recipe, row, truth.ee[kept, :, :3]))
+            turns = truth.ee[kept, :, :3]
+            if numerical == "shifted_stamps":
+                turns = np.concatenate([turns[:1], turns[:-1]])
+            columns.update(orientation(recipe, row, turns))
     if sensors["gap"]:
         begin = int(sensors["gap"][0] * len(kept))
         end = begin + max(2, int(sensors["gap"][1] * rate / sensors["every"]))

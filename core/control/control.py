@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..errors import RunFileError
 from .log_file import LogFile, read_log
 from .log_values import Faults, is_number, nearest, numbers, one_of
@@ -16,6 +19,8 @@ Feedforward = Literal["none", "gravity", "inverse_dynamics"]
 
 DEFAULT_RATE = 1000.0
 HIGHEST_RATE = 1.0e6
+# part of a tick that rounding may take from it
+INSTANT = 1.0e-6
 _KEYS = ("mode", "kp", "kd", "feedforward", "rate", "torque_limit")
 
 
@@ -30,6 +35,9 @@ class Control:
         feedforward: Torques of the nominal rigid bodies at the command that are added.
         rate: Ticks a second [Hz]; the torque is held between them.
         torque_limit: Cut of the controller's torque [N m or N], one a joint; () is none.
+        every: The command that it follows changes at every so many ticks only. No log says so: it is suspected.
+        differenced: Its speeds are differences of positions over so many ticks, half of them late; 0: as measured.
+            Suspected, too.
     """
 
     mode: Mode = "motion"
@@ -38,6 +46,15 @@ class Control:
     feedforward: Feedforward = "none"
     rate: float = DEFAULT_RATE
     torque_limit: tuple[float, ...] = ()
+    every: int = 1
+    differenced: int = 0
+
+    def commanded_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
+        """When the command was given that is followed at times t [s], same shape."""
+        if self.every == 1:
+            return t
+        period = self.every / self.rate
+        return np.floor(t / period + INSTANT) * period
 
     def to_mapping(self) -> dict[str, Any]:
         """The `control` part of a log.yaml."""

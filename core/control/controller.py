@@ -53,7 +53,7 @@ class Controller:
         count = math.floor(duration * control.rate + 1.0e-9 * control.rate) + 1
         self.tick_times: Vector = np.arange(count) / control.rate
         self.switch_times: Vector = self.tick_times + robot.delay
-        self._q_cmd, self._dq_cmd, ddq_cmd = motion.at(self.tick_times)
+        self._q_cmd, self._dq_cmd, ddq_cmd = motion.at(control.commanded_at(self.tick_times))
         self._feedforward = feedforward_along(nominal, control, self._q_cmd, self._dq_cmd, ddq_cmd)
         pd = control.mode == "pd"
         self.kp: Vector = np.array(control.kp if pd else [0.0] * n) * np.array(robot.kp_factor or [1.0] * n)
@@ -69,6 +69,9 @@ class Controller:
         self._limited = bool(np.isfinite(self._highest).any())
         self._torques: Vector = np.zeros((count, n))
         self._part: Vector = np.zeros(n)
+        self._differenced, self._rate = control.differenced, control.rate
+        # positions of the ticks before, where speeds are differences of them
+        self._seen: Vector = np.zeros((count if control.differenced else 0, n))
 
     def reset(self) -> None:
         """Forget the last run."""
@@ -81,6 +84,10 @@ class Controller:
     def tick(self, k: int, q: Vector, dq: Vector) -> None:
         """Tick k sees the motors' reported position and their speed, shapes (n,)."""
         tau = self._torques[k]
+        if self._differenced:
+            self._seen[k] = q
+            ticks = min(k, self._differenced)
+            dq = self._rate / ticks * (q - self._seen[k - ticks]) if ticks else dq
         self.torque(k, q, dq, tau)
         if self._limited:
             np.minimum(tau, self._highest, out=tau)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,22 +37,25 @@ from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows
 from .held import HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
-from .noise import noise_floor
+from .noise import Noise, noise_floor
 from .nuisances import whitening
-from .numerics import hold_said, numerics, shift_of, shift_said, unshifted, without_hold
+from .numerics import Suspect, left_by, loudness, numerics, suspects
 from .polish import polished
 from .problem import problem
 from .refine import BEARING, Refined, refined
 from .resimulate import residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
-from .unseen import NOTHING, in_parts, splits
+from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .unseen import NOTHING, OTHER_FORM, in_parts, splits
 from .words import variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-# part of the loudest channel's mean square that a hold must change to be suspected, and that is left where it was that
-HOLD, NUMERICAL = 0.2, 0.1
+# part of a gap's energy that is left where it was no physics, and where half of it was
+NUMERICAL, HALF = 0.1, 0.5
+# how much of a gap is no physics and cannot be put right
+Numerical = Literal["none", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
 NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
@@ -133,7 +137,7 @@ class _Diagnosing:
         """The answer."""
         given = known_together([*runs, *holdout])
         notes: list[str] = []
-        ready, before = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
+        ready, before, numerical = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
         self.tell("what noise and tolerances may do")
         whole = problem(self.database, self.level, ready)
         whiten = whitening(whole)
@@ -144,7 +148,8 @@ class _Diagnosing:
         state = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        state, held = self._found(state, judge, looking=before.chance < LEVEL and fitted.chance < HARDLY)
+        looking = numerical == "none" and before.chance < LEVEL and fitted.chance < HARDLY
+        state, held = self._found(state, judge, looking=looking)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
@@ -156,7 +161,7 @@ class _Diagnosing:
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain
-        gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
+        gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         verdict = _verdict(held, gap)
         if verdict == "unexplained" and fitted.is_noise:
             notes.append(UNSEEN)
@@ -189,15 +194,25 @@ class _Diagnosing:
             overlays=tuple(_drawable(overlay) for overlay in held.overlays),
         )
 
-    def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap]:
-        """The runs with what is no physics put right, and their gap."""
-        held_by = self._numerics(runs[0], notes)
-        ready = [self._in_time(run, notes) for run in runs]
+    def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
+        """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""
+        notes += self._numerics(runs[0])
+        stamps: list[str] = []
+        ready = [self._in_time(run, stamps) for run in runs]
         self.tell("where the gap lies")
         before = self._gap(ready)
-        if not before.is_noise and held_by > HOLD * before.loudest:
-            return self._without_hold(ready, before, notes)
-        return ready, before
+        suspect, part = (None, 1.0) if before.is_noise else self._suspected(runs, ready)
+        if suspect is None:
+            notes += stamps
+            return ready, before, "none"
+        if part > NUMERICAL and not suspect.exact:
+            notes += [*stamps, *(suspect.half_said(run) for run in runs)]
+            return ready, before, "half"
+        notes += [suspect.said(run) for run in runs]
+        changed = [suspect.change(run) for run in runs]
+        after = self._gap(changed)
+        kind = "none" if suspect.exact or after.is_noise else "all" if part < OTHER_FORM else "half"
+        return changed, after, kind
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Held]:
         """The search's end, and what of its findings holds."""
@@ -259,47 +274,58 @@ class _Diagnosing:
         """Of the joint that a finding is at; what is at arms and robots has one unit for both."""
         return self.database.joints[max(item.at, 1) - 1].kind
 
-    def _numerics(self, run: Run, notes: list[str]) -> float:
-        """What a step and a hold change is a matter of the model, told on one run; the hold's largest mean square."""
+    def _numerics(self, run: Run) -> tuple[str, ...]:
+        """What a step and a hold change is a matter of the model, told on one run."""
         self.tell(f"step and hold of {run.name}")
         robot = robot_of(self.database, self.level, run)
         noise = noise_floor(self.database, self.level, run)
-        found = numerics(robot, robot, run, self.backend, noise)
-        notes += found.notes
-        sigma = noise.sigma
-        return max((float(np.max(error / sigma[name])) ** 2 for name, error in found.hold_error.items()), default=0.0)
+        return numerics(robot, robot, run, self.backend, noise).notes
 
     def _in_time(self, run: Run, notes: list[str]) -> Run:
         """The run with its stamps put right, if they are off."""
         self.tell(f"stamps of {run.name}")
         robot = robot_of(self.database, self.level, run)
         noise = noise_floor(self.database, self.level, run)
-        shift = shift_of(run, resimulated(robot, robot, run, self.backend), noise)
-        if shift:
+        simulated = resimulated(robot, robot, run, self.backend)
+        if shift := shift_of(run, simulated, noise):
             notes.append(shift_said(run, shift))
-        return unshifted(run, shift)
+            return unshifted(run, shift)
+        if shift := torque_shift_of(run, simulated, noise):
+            notes.append(torque_shift_said(run, shift))
+        return unshifted(run, shift, ("tau",))
 
-    def _without_hold(self, runs: Sequence[Run], before: Gap, notes: list[str]) -> tuple[Sequence[Run], Gap]:
-        """The runs as a continuous controller would have made them, where that explains the gap or nearly all of it."""
-        quick = [other for run in runs if (other := without_hold(run)) is not None]
-        if len(quick) < len(runs):
-            return runs, before
-        self.tell("a controller without a hold")
-        gap = self._gap(quick)
-        if not gap.is_noise and gap.loudest > NUMERICAL * before.loudest:
-            return runs, before
-        notes += [hold_said(run) for run in runs]
-        return quick, gap
+    def _suspected(self, runs: Sequence[Run], ready: Sequence[Run]) -> tuple[Suspect | None, float]:
+        """What a log does not say of its controller or stamps that leaves least of the gap, and which part of it.
+
+        It has to leave less than half, or next to nothing where friction would look alike, and less than runs whose
+        stamps were put right one by one.
+        """
+        self.tell("what the log does not say of its controller")
+        left, noises = self._left(runs)
+        sizes = [loudness(one, noise) for one, noise in zip(left, noises, strict=True)]
+        worst = int(np.argmax(sizes))
+        robots = [robot_of(self.database, self.level, run) for run in runs]
+        whole = sum(sizes)
+        best, least = None, sum(map(loudness, self._left(ready)[0], noises))
+        for suspect in suspects(robots[worst], runs[worst], self.backend, noises[worst]):
+            changed = [left_by(suspect, robot, run, self.backend) for robot, run in zip(robots, runs, strict=True)]
+            after = sum(map(loudness, changed, noises))
+            if after < min(least, (NUMERICAL if suspect.lags else HALF) * whole):
+                best, least = suspect, after
+        return best, max(least, 0.0) / whole
 
     def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""
+        return gap_of(*self._left(runs), runs, robot_of(self.database, self.level, runs[0]))
+
+    def _left(self, runs: Sequence[Run]) -> tuple[Sequence[Mapping[str, Vector]], Sequence[Noise]]:
+        """What the robot as it is known leaves of each run, and what a perfect model would."""
         robots = [robot_of(self.database, self.level, run) for run in runs]
         left = [
             residuals(run, resimulated(robot, robot, run, self.backend))
             for run, robot in zip(runs, robots, strict=True)
         ]
-        noises = [noise_floor(self.database, self.level, run) for run in runs]
-        return gap_of(left, noises, runs, robots[0])
+        return left, [noise_floor(self.database, self.level, run) for run in runs]
 
     def _next(self, state: Search, found: Sequence[Found], names: Sequence[Sequence[Alike]]) -> NextExperiment | None:
         """A motion that splits the names of the first finding that has several and can be split."""

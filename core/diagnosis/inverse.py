@@ -331,8 +331,10 @@ def _gives(drive: Drive, inertia: float, band: float) -> bool:
 @lru_cache(maxsize=_REMEMBERED)
 def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
-    q_cmd, dq_cmd, ddq_cmd = run.run.motion().at(run.t)
-    return q_cmd - run.q, dq_cmd - run.dq, feedforward_along(nominal, run.run.control, q_cmd, dq_cmd, ddq_cmd)
+    control = run.run.control
+    q_cmd, dq_cmd, ddq_cmd = run.run.motion().at(control.commanded_at(run.t))
+    seen = run.dq - 0.5 * control.differenced / control.rate * run.ddq
+    return q_cmd - run.q, dq_cmd - seen, feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -1,8 +1,14 @@
-"""Suspects that are no physics, tried before any effect: the integrator's step, the controller's hold, the stamps."""
+"""Suspects that are no physics, tried before any effect: our own step, and what no log says of its controller.
+
+A controller may act without a hold; follow a command that changes at every few of its ticks only; take differences of
+positions for speeds, which are half a tick late. Without a hold and with such speeds a record is what an integrator of
+first order makes, one step a tick: q[k+1] - 2 q[k] + q[k-1] = h^2 ddq[k], and its speeds are those differences (Hairer,
+Lubich and Wanner, Geometric Numerical Integration, 2006, I.1).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,25 +16,25 @@ from numpy.typing import NDArray
 
 from ..expansion import expanded
 from ..recording import Run
-from ..recording.run import MEASURED
 from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise
-from .resimulate import linear, mode_of, residuals, resimulated
+from .resimulate import mode_of, residuals, resimulated
+from .stamps import unshifted
 
 Vector = NDArray[np.float64]
 
 # a controller that ticks so much faster is nearly a continuous one
-FASTER = 4
-# a shift is told where it stands so many standard errors above none, and is so many samples long
-CLEAR, SHORTEST = 5.0, 0.1
-# channels that say the same shift agree to this part of it, or of a sample
-AGREE = 0.25
-# of a gap that only one sensor's word makes one of stamps, the part that a shift may leave
-LEAVES = 0.1
-# stamps that are further off than so many samples are no matter of counting
-FURTHEST = 3.0
+FASTER = 8
+# of a gap's energy along what a suspect changes, what makes it worth a closer look
+WORTH = 0.5
+# what a suspect must change, in standard deviations of all noise together, to be told at all
+SEEN = 3.0
+# that much of what a suspect changes is there, or it is another one
+ABOUT = 0.5
+# of a gap's energy along a command that is held for two ticks, what makes it worth to ask for how many it is
+HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,36 +72,152 @@ def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noi
     base = resimulated(robot, nominal, run, backend)
     step_error = _apart(base, resimulated(robot, nominal, run, engine, step=0.5 * step))
     hold_error: dict[str, Vector] = {}
-    if (quick := without_hold(run)) is not None:
-        hold_error = _apart(base, resimulated(robot, nominal, quick, engine, step=step))
+    if run.control.mode == "pd":
+        hold_error = _apart(base, resimulated(robot, nominal, without_hold(run), engine, step=step))
     notes = [_said(f"Half the step ({0.5 * step!r} s) changes the simulation of {run.name}", step_error, noise)]
     if hold_error:
         notes.append(_said(f"A controller {FASTER} times as fast changes that of {run.name}", hold_error, noise))
     return Numerics(step, step_error, hold_error, tuple(notes))
 
 
-def without_hold(run: Run) -> Run | None:
-    """The run of a controller that ticks FASTER times as fast, nearly a continuous one; None where none ticks."""
-    control = run.control
-    return replace(run, control=replace(control, rate=FASTER * control.rate)) if control.mode == "pd" else None
+def without_hold(run: Run) -> Run:
+    """The run of a controller that ticks FASTER times as fast, nearly a continuous one."""
+    return replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
 
 
-def hold_said(run: Run) -> str:
-    """A sentence on a gap that goes with the hold."""
-    return (
-        f"The gap in {run.name} is that of a controller that acts without a hold: it is compared with one that ticks "
-        f"{FASTER} times as fast. That is numerics and no effect."
+def with_differences(run: Run) -> Run:
+    """The run of a controller that takes differences of positions for speeds; those recorded are put right."""
+    return replace(_with_speeds_in_time(run), control=replace(run.control, differenced=1))
+
+
+def with_coarse_steps(run: Run) -> Run:
+    """The run of an integrator of first order, one step a tick."""
+    control = replace(run.control, rate=FASTER * run.control.rate, differenced=FASTER)
+    return replace(_with_speeds_in_time(run), control=control)
+
+
+def _with_speeds_in_time(run: Run) -> Run:
+    return unshifted(run, 0.5 / run.control.rate, ("dq",))
+
+
+def with_held_command(run: Run, ticks: int) -> Run:
+    """The run of a controller whose command changes at every so many ticks."""
+    return replace(run, control=replace(run.control, every=ticks))
+
+
+@dataclass(frozen=True, slots=True)
+class Suspect:
+    """Something that a log does not say of its controller or of its stamps.
+
+    Attributes:
+        name: In a sentence, what goes with it.
+        change: A run to the same run of such a controller, or with its stamps put right.
+        exact: What is left then is no part of it.
+        lags: It makes all that was measured come later, as friction does at one joint.
+    """
+
+    name: str
+    change: Callable[[Run], Run]
+    exact: bool = False
+    lags: bool = False
+
+    def said(self, run: Run) -> str:
+        """A sentence on a gap that goes with it."""
+        return f"The gap in {run.name} is that of {self.name}. That is numerics and no effect."
+
+    def half_said(self, run: Run) -> str:
+        """A sentence on a gap that goes with it for the most part."""
+        return (
+            f"More than half of the gap in {run.name} is that of {self.name}. That is numerics: no effect is looked "
+            "for before it is put right."
+        )
+
+
+_NO_HOLD = Suspect(
+    f"a controller that acts without a hold: it is compared with one that ticks {FASTER} times as fast", without_hold
+)
+_DIFFERENCES = Suspect("a controller whose speeds are differences of positions, half a tick late", with_differences)
+_COARSE_STEPS = Suspect("an integrator of first order with one step a tick", with_coarse_steps)
+
+
+def _held_command(ticks: int) -> Suspect:
+    return Suspect(
+        f"a controller whose command changes at every {ticks} ticks only",
+        lambda run: with_held_command(run, ticks),
+        lags=True,
     )
 
 
-def shift_said(run: Run, shift: float) -> str:
-    """What to say of stamps that are off by a shift [s]; of one joint's positions alone that they may be right."""
-    alone = run.n == 1 and shift > 0.0 and not (run.has("tau") or run.has("tau_link"))
-    return (
-        f"All that was measured in {run.name} comes {1e3 * shift:.3f} ms ({shift * run.rate:.2f} samples) "
-        f"{'after' if shift > 0.0 else 'before'} its stamps; that is taken out and is no effect."
-        + (" Viscous friction would hold its one joint back alike: only a torque could tell." if alone else "")
-    )
+_LATE = Suspect(
+    "stamps that are one sample early: all that was measured is put back",
+    lambda run: unshifted(run, 1.0 / run.rate),
+    exact=True,
+    lags=True,
+)
+_LATE_TORQUE = Suspect(
+    "a torque that is stamped one sample after the motion that it makes: it is put back",
+    lambda run: unshifted(run, 1.0 / run.rate, ("tau",)),
+    exact=True,
+)
+
+
+def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> list[Suspect]:
+    """What of this kind may be most of the run's gap, the likeliest first: a simulation of each tells.
+
+    Args:
+        robot: As it is known, and as the controller's feedforward knows it.
+        run: What was measured.
+        backend: The engine.
+        noise: Of the run.
+    """
+    if mode_of(run) != "pd":
+        return []
+
+    def left_of(suspect: Suspect) -> Vector:
+        return _in_noise(left_by(suspect, robot, run, backend), noise)
+
+    left = _in_noise(residuals(run, resimulated(robot, robot, run, backend)), noise)
+    tried = [(suspect, left_of(suspect)) for suspect in (_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)]
+    if run.n > 1 or run.has("tau") or run.has("tau_link"):
+        # one joint's positions alone do not tell what comes late from what friction holds back
+        tried += [(suspect, left_of(suspect)) for suspect in (_LATE, _held_command(HELD[0]))]
+        if _along(left, tried[-1][1])[0] > HINT:
+            # a command is late by half of what it is held, and how long that is nobody said
+            tried += [(suspect, left_of(suspect)) for suspect in map(_held_command, HELD[1:])]
+    likely: list[tuple[float, Suspect]] = []
+    for suspect, after in tried:
+        share, amount = _along(left, after)
+        if share > WORTH and abs(amount - 1.0) < ABOUT:
+            likely.append((float(after @ after), suspect))
+    return [suspect for _, suspect in sorted(likely, key=lambda one: one[0])]
+
+
+def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:
+    """Measured minus simulated where a suspect is put right, as `residuals` has it."""
+    other = suspect.change(run)
+    return residuals(other, resimulated(robot, robot, other, backend, begun=run))
+
+
+def loudness(left: Mapping[str, Vector], noise: Noise) -> float:
+    """Energy of what is left of a run above noise, in units of noise."""
+    values = _in_noise(left, noise)
+    return float(values @ values) - np.count_nonzero(values)
+
+
+def _along(left: Vector, after: Vector) -> tuple[float, float]:
+    """(part of what is left above noise that lies along what a suspect changes, how much of that change it is)."""
+    change = left - after
+    size, along = float(change @ change), float(left @ change)
+    whole = float(left @ left) - np.count_nonzero(left)
+    if size < SEEN**2 or along <= 0.0 or whole <= 0.0:
+        return 0.0, 0.0
+    return along**2 / (size * whole), along / size
+
+
+def _in_noise(left: Mapping[str, Vector], noise: Noise) -> Vector:
+    """All that is left, in units of noise, one after the other; 0 where nothing was measured."""
+    sigma = noise.sigma
+    return np.concatenate([np.nan_to_num(left[name] / sigma[name]).ravel() for name in sorted(left)])
 
 
 def step_of(robot: Robot, run: Run, backend: Backend) -> float:
@@ -104,65 +226,6 @@ def step_of(robot: Robot, run: Run, backend: Backend) -> float:
     whole = expanded(robot, imposed=imposed)
     poses = whole.spread(poses_of(robot, run.motion()))
     return choose_step(whole.robot, backend, imposed=imposed, poses=poses)
-
-
-def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
-    """By how much measured signals come later than simulated ones, if all channels say the same [s]; else 0.
-
-    A delay of the drives is another thing: there the torque is late against the controller, while position, torque
-    and tool were recorded at one instant, so that their shifts differ.
-    """
-    if mode_of(run) in ("torque", "unknown"):
-        # their simulation begins from what was measured
-        return 0.0
-    left, sigma = residuals(run, simulated), noise.sigma
-    shifts: list[float] = []
-    errors: list[float] = []
-    signals: set[str] = set()
-    # the arm side and the tool go with the motors; a torque is another witness
-    witnesses: set[tuple[bool, int]] = set()
-    before, after = 0.0, 0.0
-    for name in (name for name in ("q", "tau", "ee", "q_link", "tau_link") if name in left):
-        rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))
-        for i in range(simulated[name].shape[1]):
-            good = np.isfinite(left[name][:, i])
-            kept: Vector = rates[good, i]
-            rate: Vector = kept - (float(kept.mean()) if good.any() else 0.0)
-            power = float(np.sum(rate**2))
-            error = float(sigma[name][i]) / np.sqrt(power) if power > 0.0 else np.inf
-            # a channel that could not tell a tenth of a sample has no say
-            if error * run.rate < SHORTEST / 2.0:
-                here: Vector = left[name][good, i] / float(sigma[name][i])
-                shift = -float(rate @ left[name][good, i]) / power
-                shifts.append(shift)
-                errors.append(error)
-                signals.add(name)
-                if name != "ee":
-                    witnesses.add((name.startswith("tau"), i))
-                before += float(here @ here) - len(here)
-                after += float(np.sum((here + shift * rate / float(sigma[name][i])) ** 2)) - len(here)
-    if len(shifts) < 2:
-        return 0.0
-    if run.has("tau") and "tau" not in signals:
-        return 0.0
-    values, spread = np.array(shifts), np.array(errors)
-    common = float(np.median(values))
-    error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))
-    clear = abs(common) > max(CLEAR * error, SHORTEST / run.rate) and abs(common) < FURTHEST / run.rate
-    near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / run.rate), 4.0 * spread)
-    # alone, what holds a joint back looks late as well
-    sure = len(witnesses) > 1 or after < LEAVES * before
-    return common if clear and sure and near.all() else 0.0
-
-
-def unshifted(run: Run, shift: float) -> Run:
-    """The run with what was measured put back by a shift [s]; the command stays where it is."""
-    if not shift:
-        return run
-    signals = dict(run.signals)
-    for name in (name for name in MEASURED if run.has(name)):
-        signals[name] = linear(run.t, run.signals[name], run.t + shift)
-    return replace(run, signals=signals)
 
 
 def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector]) -> dict[str, Vector]:

@@ -62,7 +62,13 @@ def settled(grid: Prepared) -> slice:
 
 @lru_cache(maxsize=32)
 def resimulated(
-    robot: Robot, nominal: Robot, run: Run, backend: Backend | str, *, step: float | None = None
+    robot: Robot,
+    nominal: Robot,
+    run: Run,
+    backend: Backend | str,
+    *,
+    step: float | None = None,
+    begun: Run | None = None,
 ) -> Mapping[str, Vector]:
     """Every signal that the run has, as the simulation gives it under the same command and controller; made once.
 
@@ -77,6 +83,7 @@ def resimulated(
         run: As read.
         backend: Which engine, or its name.
         step: Integration step [s]; None: chosen from the largest eigenvalue.
+        begun: Run whose start is the run's in mode pd; None: its own.
 
     Returns:
         Signal -> values at run.t: (m, n), ee (m, 3), ee_rot (m, 4) as w x y z.
@@ -95,7 +102,7 @@ def resimulated(
             return {name: _between(grid.t, getattr(speech, name), run.t) for name in names}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
         return _simulated(robot, nominal, run, backend, law, control, None, step)
-    start = start_of(robot, run) if mode == "pd" else None
+    start = start_of(robot, begun or run) if mode == "pd" else None
     return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
 
 
@@ -187,10 +194,7 @@ def start_of(robot: Robot, run: Run) -> MachineState | None:
     The arm sides stand behind their springs as gravity lets them, and move with the motor sides.
     """
     first = (run.t <= BEGINNING) | (np.arange(len(run.t)) < FEWEST)
-    q, dq = np.empty(run.n), np.empty(run.n)
-    sigma = noise_in(run, "q").sigma
-    moving = False
-    fastest = np.nanmax(np.abs(smoothed(run).dq), axis=0)
+    q, dq, spread = np.empty(run.n), np.empty(run.n), np.empty(run.n)
     for i, column in enumerate(run.signals["q"][first].T):
         good = np.isfinite(column)
         if good.sum() < 4:
@@ -199,9 +203,11 @@ def start_of(robot: Robot, run: Run) -> MachineState | None:
         terms = np.vander(t, 3, increasing=True)
         covariance = np.linalg.inv(terms.T @ terms)
         q[i], dq[i], _ = covariance @ (terms.T @ column[good])
-        spread = float(sigma[i]) * float(np.sqrt(covariance[1, 1]))
-        moving |= bool(abs(dq[i]) > PLAIN * spread and abs(dq[i]) > FAST * fastest[i])
-    return state_at(robot, q, dq) if moving else None
+        spread[i] = float(np.sqrt(covariance[1, 1]))
+    fast = np.abs(dq) > FAST * np.nanmax(np.abs(smoothed(run).dq), axis=0)
+    # noise is asked for where it matters: to know it takes as long as a simulation
+    moves = fast.any() and bool(np.any(fast & (np.abs(dq) > PLAIN * spread * noise_in(run, "q").sigma)))
+    return state_at(robot, q, dq) if moves else None
 
 
 def state_at(robot: Robot, reported: Vector, dtheta: Vector) -> MachineState:

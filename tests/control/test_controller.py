@@ -119,3 +119,30 @@ def test_default_gains() -> None:
     assert control.kd == pytest.approx((1.4 * w * (m11 + 0.7), 1.4 * w * (m22 + 0.7)), rel=1e-12)
     assert control.mode == "pd"
     assert control.rate == 1000.0
+
+
+def test_a_command_that_is_held_changes_at_every_few_ticks() -> None:
+    plant = robot()
+    controller = Controller(plant, plant, pd(every=3, feedforward="gravity"), law(), 0.5)
+    q, dq = measured(controller)
+    got = ticked(controller, q, dq)
+    given = controller.tick_times[np.arange(len(controller.tick_times)) // 3 * 3]
+    q_cmd, dq_cmd, _ = law().at(given)
+    expected = KP * (q_cmd - q) + KD * (dq_cmd - dq) + dynamics(plant).gravity(q_cmd)
+    np.testing.assert_allclose(got, expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("ticks", [1, 4])
+def test_speeds_as_differences_of_positions(ticks: int) -> None:
+    """Of a position that grows with t^2 they are the speed half of these ticks ago."""
+    plant = robot()
+    controller = Controller(plant, plant, pd(differenced=ticks), law(), 0.5)
+    t = controller.tick_times
+    growing = np.column_stack([t**2, -3.0 * t**2])
+    got = ticked(controller, growing, np.zeros_like(growing))
+    seen = np.array([2.0, -6.0]) * (t[:, None] - 0.5 * ticks / 200.0)
+    q_cmd, dq_cmd, _ = law().at(t)
+    expected = KP * (q_cmd - growing) + KD * (dq_cmd - seen)
+    np.testing.assert_allclose(got[ticks:], expected[ticks:], rtol=1e-9)
+    # a run's first tick has nothing before it
+    np.testing.assert_allclose(got[0], KD * dq_cmd[0] + KP * q_cmd[0], rtol=1e-12)

@@ -64,6 +64,9 @@ def pendulum_run(
     late: float = 0.0,
     stamps: Vector | None = None,
     noise: dict[str, float] | None = None,
+    every: int = 1,
+    coarse: bool = False,
+    torque_late: float = 0.0,
 ) -> Run:
     """What the pendulum's sensors say; its controller ticks at 1 kHz and holds its torque.
 
@@ -76,6 +79,9 @@ def pendulum_run(
         late: By how much the measured signals come after their stamps [s].
         stamps: Times instead of uniform ones.
         noise: Standard deviations.
+        every: Ticks for which a command stays what it is.
+        coarse: Semi-implicit Euler with one step a tick moves it.
+        torque_late: By how much the torque alone comes after its stamps [s].
     """
     sigma = NOISE if noise is None else noise
     ticks = np.arange(round(duration * 1000) + 1) / 1000.0
@@ -90,15 +96,20 @@ def pendulum_run(
             tau[k] = INERTIA * ddq_cmd[k] + WEIGHT * math.sin(q) + against(t, q, dq)
             continue
         states[k] = q, dq
-        held = KP * (float(q_cmd[k]) - q) + KD * (float(dq_cmd[k]) - dq)
+        told = k - k % every
+        held = KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq)
         tau[k] = held
+        if coarse:
+            dq += 1.0e-3 * (held - WEIGHT * math.sin(q) - against(t, q, dq)) / INERTIA
+            q += 1.0e-3 * dq
+            continue
         for part in range(FINE):
             q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, held, against)
     t = np.arange(int(duration * rate) + 1) / rate if stamps is None else stamps
     random = np.random.default_rng(seed)
     at = np.clip(t - late, 0.0, None)
     place = np.interp(at, ticks, states[:, 0])
-    held = tau[np.floor(at * 1000 + 1e-6).astype(int)]
+    held = tau[np.floor(np.clip(at - torque_late, 0.0, None) * 1000 + 1e-6).astype(int)]
     signals = {
         "q": place[:, None] + sigma["q"] * random.normal(size=(len(t), 1)),
         "tau": held[:, None] + sigma["tau"] * random.normal(size=(len(t), 1)),

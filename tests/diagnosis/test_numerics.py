@@ -10,10 +10,12 @@ from pendulums import KD, KP, NOISE, command, pendulum_run
 
 import mbexport
 from mbexport.core.database import load
+from mbexport.core.diagnosis.diagnose import NUMERICAL
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.numerics import numerics, shift_of, shift_said, unshifted
+from mbexport.core.diagnosis.numerics import left_by, loudness, numerics, suspects
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
+from mbexport.core.diagnosis.stamps import shift_of, shift_said, torque_shift_of, unshifted
 
 DATABASE = load("pendulum")
 
@@ -78,11 +80,100 @@ def test_a_smooth_run_is_neither_its_step_nor_its_hold():
     assert len(found.notes) == 2
 
 
-def test_a_gap_that_goes_with_the_hold_is_numerics():
+def lazy(seed=0, duration=4.0):
     """The log says that a torque is held for 4 ms, it was held for one."""
-    runs = [pendulum_run("pd", seed=seed) for seed in (1, 2)]
-    runs = [replace(run, control=replace(run.control, rate=250.0)) for run in runs]
-    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    run = pendulum_run("pd", seed=seed, duration=duration)
+    return replace(run, control=replace(run.control, rate=250.0))
+
+
+UNSAID = [
+    (lazy, "without a hold"),
+    (lambda **more: pendulum_run("pd", coarse=True, **more), "first order"),
+    (lambda **more: pendulum_run("pd", every=4, **more), "every 4 ticks"),
+    (lambda **more: pendulum_run("pd", torque_late=0.004, **more), "torque"),
+]
+
+
+@pytest.mark.parametrize(("made", "said"), UNSAID)
+def test_what_a_log_does_not_say_of_its_controller_is_no_effect(made, said):
+    answer = mbexport.diagnose("pendulum", [made(seed=seed) for seed in (1, 2)], level="rigid", backends=[])
     assert answer.verdict == "no_gap"
     assert answer.which == ()
-    assert any("without a hold" in note for note in answer.notes)
+    assert any(said in note and "no effect" in note for note in answer.notes), answer.notes
+
+
+def likely(run):
+    """Names of what may be the gap, and which part of it the first of them leaves."""
+    robot = robot_of(DATABASE, "rigid", run)
+    noise = noise_floor(DATABASE, "rigid", run)
+    found = suspects(robot, run, "mjcf", noise)
+    whole = loudness(residuals(run, resimulated(robot, robot, run, "mjcf")), noise)
+    left = loudness(left_by(found[0], robot, run, "mjcf"), noise) / whole if found else 1.0
+    return [one.name for one in found], left
+
+
+@pytest.mark.parametrize(("made", "said"), UNSAID)
+def test_each_is_told_from_the_others(made, said):
+    names, left = likely(made(duration=3.0))
+    assert said in names[0]
+    # that of the lazy log ticks four times as fast, and is compared with one that ticks eight times as fast
+    assert left < (0.05 if made is lazy else 0.005)
+
+
+@pytest.mark.parametrize(
+    "against",
+    [
+        lambda t, q, dq: -0.1 * dq,
+        lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3),
+        lambda t, q, dq: 0.5 * np.sin(q),
+        lambda t, q, dq: 0.2,
+    ],
+)
+def test_physics_is_none_of_them(against):
+    names, left = likely(pendulum_run("pd", against, duration=3.0))
+    # what lags looks somewhat late, and is not that
+    assert all("every" in name or "stamps" in name for name in names)
+    assert left > NUMERICAL
+
+
+def test_viscous_friction_is_no_command_that_is_held():
+    """It makes positions late by 7 ms, as a command does that is held for ten ticks; its torque tells."""
+    runs = [pendulum_run("pd", lambda t, q, dq: 0.4 * dq, seed=seed) for seed in (1, 2)]
+    assert likely(runs[0])[1] > 0.1
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    assert [item.effect for item in answer.which] == ["viscous_friction"]
+    # and where there is none, one joint's positions do not
+    alone = replace(runs[0], signals={name: runs[0].signals[name] for name in ("q", "q_cmd", "dq_cmd")})
+    assert likely(alone) == ([], 1.0)
+
+
+def test_no_mode_but_pd_has_a_controller_to_suspect():
+    assert likely(pendulum_run("motion", torque_late=0.004)) == ([], 1.0)
+
+
+def test_a_late_torque_is_told_in_whole_samples_and_alone():
+    robot = robot_of(DATABASE, "rigid", pendulum_run("pd"))
+
+    def torque_shift_in(run):
+        return torque_shift_of(run, resimulated(robot, robot, run, "mjcf"), noise_floor(DATABASE, "rigid", run))
+
+    assert torque_shift_in(pendulum_run("pd", torque_late=0.004)) == pytest.approx(0.004, abs=1e-12)
+    # a filter's lag is none, nor is a torque that comes before its motion, nor one that comes with it
+    assert torque_shift_in(pendulum_run("pd", torque_late=0.002)) == 0.0
+    assert torque_shift_in(pendulum_run("pd", late=0.004)) == 0.0
+    assert torque_shift_in(pendulum_run("pd")) == 0.0
+    early = unshifted(pendulum_run("pd"), 0.004, ("tau",))
+    assert torque_shift_in(early) == 0.0
+
+
+def test_what_is_put_back_has_holes_where_nothing_was_measured():
+    run = pendulum_run("pd", duration=1.0)
+    kept = np.ones(len(run.t), dtype=bool)
+    kept[100:110] = False
+    run = replace(run, t=run.t[kept], signals={name: values[kept] for name, values in run.signals.items()})
+    back = unshifted(run, 1.0 / run.rate)
+    missing = np.flatnonzero(np.isnan(back.signals["q"][:, 0]))
+    assert missing.tolist() == [99, len(run.t) - 1]
+    there = np.setdiff1d(np.arange(len(run.t) - 1), missing)
+    assert back.signals["q"][there, 0] == pytest.approx(run.signals["q"][there + 1, 0], abs=1e-12)
+    assert back.signals["q_cmd"] is run.signals["q_cmd"]

@@ -1,0 +1,158 @@
+"""Stamps that are off: everything measured, or the torque alone, was recorded earlier or later than they say."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import Run
+from ..recording.run import MEASURED
+from .noise import Noise
+from .resimulate import linear, mode_of, residuals
+
+Vector = NDArray[np.float64]
+
+TORQUES = ("tau", "tau_link")
+# signals whose shift can be told: those of the motion, and torques
+TOLD = ("q", "tau", "ee", "q_link", "tau_link")
+# a shift is told where it stands so many standard errors above none, and is so many samples long
+CLEAR, SHORTEST = 5.0, 0.1
+# channels that say the same shift agree to this part of it, or of a sample
+AGREE = 0.25
+# of a gap that only one sensor's word makes one of stamps, the part that a shift may leave
+LEAVES = 0.1
+# stamps that are further off than so many samples are no matter of counting
+FURTHEST = 3.0
+# further than so many samples from both of its neighbours nothing was measured
+HOLE = 0.6
+# a shift so near to whole samples is one of whole samples
+WHOLE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class _Told:
+    """What one channel says.
+
+    Attributes:
+        signal, joint: Which channel.
+        shift: By how much it comes later than simulated [s].
+        error: Its standard error [s].
+        before, after: Energy above noise without and with that shift taken out.
+    """
+
+    signal: str
+    joint: int
+    shift: float
+    error: float
+    before: float
+    after: float
+
+
+def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
+    """By how much measured signals come later than simulated ones, if all channels say the same [s]; else 0.
+
+    A delay of the drives is another thing: there the torque is late against the controller, while position, torque
+    and tool were recorded at one instant, so that their shifts differ.
+    """
+    told = _told(run, simulated, noise)
+    if len(told) < 2 or (run.has("tau") and not any(one.signal == "tau" for one in told)):
+        return 0.0
+    return _common(told, run.rate)
+
+
+def torque_shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
+    """By how much motor torques come later than simulated, if they all say the same and no position does [s]; else 0.
+
+    A motion follows its torque. A torque that is recorded after the motion that it makes is no physics; one that is
+    recorded before it may be that of a slow motor, and is none of stamps.
+    """
+    told = _told(run, simulated, noise)
+    common = _common([one for one in told if one.signal == "tau"], run.rate)
+    still = all(abs(one.shift) < 0.5 * common for one in told if one.signal not in TORQUES)
+    # what is not counted may be a filter's
+    whole = common * run.rate >= 1.0 - WHOLE and abs(common * run.rate - round(common * run.rate)) < WHOLE
+    return common if whole and still else 0.0
+
+
+def unshifted(run: Run, shift: float, names: Collection[str] = MEASURED) -> Run:
+    """The run with what was measured put back by a shift [s]; the command stays where it is.
+
+    What would lie before the record, after it or in a gap of it is left out.
+    """
+    if not shift:
+        return run
+    signals = dict(run.signals)
+    at = run.t + shift
+    after = np.clip(np.searchsorted(run.t, at), 1, len(run.t) - 1)
+    near = np.minimum(np.abs(run.t[after] - at), np.abs(at - run.t[after - 1])) < HOLE / run.rate
+    there = near & (at >= run.t[0]) & (at <= run.t[-1] + HOLE / run.rate)
+    for name in (name for name in names if run.has(name)):
+        signals[name] = np.where(there[:, None], linear(run.t, run.signals[name], run.t + shift), np.nan)
+    return replace(run, signals=signals)
+
+
+def shift_said(run: Run, shift: float) -> str:
+    """What to say of stamps that are off by a shift [s]; of one joint's positions alone that they may be right."""
+    alone = run.n == 1 and shift > 0.0 and not (run.has("tau") or run.has("tau_link"))
+    return (
+        f"All that was measured in {run.name} comes {_long(run, shift)} its stamps; that is taken out and is no effect."
+        + (" Viscous friction would hold its one joint back alike: only a torque could tell." if alone else "")
+    )
+
+
+def torque_shift_said(run: Run, shift: float) -> str:
+    """What to say of a torque whose stamps are off by a shift [s]."""
+    return (
+        f"The torque in {run.name} comes {_long(run, shift)} the motion that it makes; "
+        "that is a matter of stamps, is taken out and is no effect."
+    )
+
+
+def _long(run: Run, shift: float) -> str:
+    return f"{1e3 * abs(shift):.3f} ms ({abs(shift) * run.rate:.2f} samples) {'after' if shift > 0.0 else 'before'}"
+
+
+def _told(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> list[_Told]:
+    """What every channel says that could tell a tenth of a sample."""
+    if mode_of(run) in ("torque", "unknown"):
+        # their simulation begins from what was measured
+        return []
+    left, sigma = residuals(run, simulated), noise.sigma
+    told: list[_Told] = []
+    for name in (name for name in TOLD if name in left):
+        rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))
+        for i in range(simulated[name].shape[1]):
+            good = np.isfinite(left[name][:, i])
+            kept: Vector = rates[good, i]
+            rate: Vector = kept - (float(kept.mean()) if good.any() else 0.0)
+            power = float(np.sum(rate**2))
+            one = float(sigma[name][i])
+            error = one / np.sqrt(power) if power > 0.0 else np.inf
+            if error * run.rate < SHORTEST / 2.0:
+                here: Vector = left[name][good, i]
+                shift = -float(rate @ here) / power
+                before, after = (float(np.sum(x**2)) / one**2 - len(here) for x in (here, here + shift * rate))
+                told.append(_Told(name, i, shift, float(error), before, after))
+    return told
+
+
+def _common(told: Sequence[_Told], rate: float) -> float:
+    """The shift that all of these say [s], of whole samples where it is nearly so; 0 where they say none or several."""
+    if not told:
+        return 0.0
+    # the arm side and the tool go with the motors; a torque is another witness
+    witnesses = {(one.signal in TORQUES, one.joint) for one in told if one.signal != "ee"}
+    values, spread = np.array([one.shift for one in told]), np.array([one.error for one in told])
+    common = float(np.median(values))
+    error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))
+    clear = abs(common) > max(CLEAR * error, SHORTEST / rate) and abs(common) < FURTHEST / rate
+    near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / rate), 4.0 * spread)
+    # alone, what holds a joint back looks late as well
+    sure = len(witnesses) > 1 or sum(one.after for one in told) < LEAVES * sum(one.before for one in told)
+    if not (clear and sure and near.all()):
+        return 0.0
+    samples = common * rate
+    return round(samples) / rate if round(samples) and abs(samples - round(samples)) < WHOLE else common
