@@ -37,9 +37,9 @@ from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows
 from .held import HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
-from .noise import Noise, noise_floor
+from .noise import Noise, loudest, noise_floor
 from .nuisances import whitening
-from .numerics import Suspect, left_by, loudness, numerics, suspects
+from .numerics import Suspect, left_by, numerics, part_left, suspects, tells_torque
 from .polish import polished
 from .problem import problem
 from .refine import BEARING, Refined, refined
@@ -54,6 +54,10 @@ Tell = Callable[[str], None]
 
 # part of a gap's energy that is left where it was no physics, and where half of it was
 NUMERICAL, HALF = 0.1, 0.5
+# the same where friction lags alike; a record may even show a held command's ripple as the torque of one
+LAGGING = 0.02
+# part of the torques' gap that stays where it is physics
+STAYS = 0.9
 # how much of a gap is no physics and cannot be put right
 Numerical = Literal["none", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
@@ -211,7 +215,7 @@ class _Diagnosing:
         notes += [suspect.said(run) for run in runs]
         changed = [suspect.change(run) for run in runs]
         after = self._gap(changed)
-        kind = "none" if suspect.exact or after.is_noise else "all" if part < OTHER_FORM else "half"
+        kind = "none" if suspect.exact else "all" if after.is_noise or part < OTHER_FORM else "half"
         return changed, after, kind
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Held]:
@@ -302,17 +306,18 @@ class _Diagnosing:
         """
         self.tell("what the log does not say of its controller")
         left, noises = self._left(runs)
-        sizes = [loudness(one, noise) for one, noise in zip(left, noises, strict=True)]
-        worst = int(np.argmax(sizes))
+        worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
         robots = [robot_of(self.database, self.level, run) for run in runs]
-        whole = sum(sizes)
-        best, least = None, sum(map(loudness, self._left(ready)[0], noises))
+        best, least = None, part_left(left, self._left(ready)[0], noises)[0]
         for suspect in suspects(robots[worst], runs[worst], self.backend, noises[worst]):
             changed = [left_by(suspect, robot, run, self.backend) for robot, run in zip(robots, runs, strict=True)]
-            after = sum(map(loudness, changed, noises))
-            if after < min(least, (NUMERICAL if suspect.lags else HALF) * whole):
-                best, least = suspect, after
-        return best, max(least, 0.0) / whole
+            part, of_torque = part_left(left, changed, noises)
+            # friction damps as a controller does that acts at once, but its torque stays
+            all_of_it = part < (LAGGING if suspect.lags else NUMERICAL) and of_torque < STAYS
+            half_of_it = max(part, of_torque) < HALF and not suspect.lags and all(map(tells_torque, runs))
+            if part < least and (all_of_it or half_of_it):
+                best, least = suspect, part
+        return best, least
 
     def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""

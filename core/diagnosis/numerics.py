@@ -8,7 +8,7 @@ Lubich and Wanner, Geometric Numerical Integration, 2006, I.1).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,7 @@ from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise
 from .resimulate import mode_of, residuals, resimulated
-from .stamps import unshifted
+from .stamps import TORQUES, unshifted
 
 Vector = NDArray[np.float64]
 
@@ -31,8 +31,9 @@ FASTER = 8
 WORTH = 0.5
 # what a suspect must change, in standard deviations of all noise together, to be told at all
 SEEN = 3.0
-# that much of what a suspect changes is there, or it is another one
-ABOUT = 0.5
+# so near to all of what a suspect changes is there, or it is another one; where one joint's positions are all, friction
+# looks late or damped as well, but of any size
+ABOUT, JUST = 0.5, 0.1
 # of a gap's energy along a command that is held for two ticks, what makes it worth to ask for how many it is
 HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 
@@ -178,8 +179,8 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
 
     left = _in_noise(residuals(run, resimulated(robot, robot, run, backend)), noise)
     tried = [(suspect, left_of(suspect)) for suspect in (_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)]
-    if run.n > 1 or run.has("tau") or run.has("tau_link"):
-        # one joint's positions alone do not tell what comes late from what friction holds back
+    alone = run.n == 1 and not tells_torque(run)
+    if not alone:
         tried += [(suspect, left_of(suspect)) for suspect in (_LATE, _held_command(HELD[0]))]
         if _along(left, tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
@@ -187,7 +188,7 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = _along(left, after)
-        if share > WORTH and abs(amount - 1.0) < ABOUT:
+        if share > WORTH and abs(amount - 1.0) < (JUST if alone else ABOUT):
             likely.append((float(after @ after), suspect))
     return [suspect for _, suspect in sorted(likely, key=lambda one: one[0])]
 
@@ -198,10 +199,30 @@ def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) ->
     return residuals(other, resimulated(robot, robot, other, backend, begun=run))
 
 
-def loudness(left: Mapping[str, Vector], noise: Noise) -> float:
-    """Energy of what is left of a run above noise, in units of noise."""
-    values = _in_noise(left, noise)
-    return float(values @ values) - np.count_nonzero(values)
+def tells_torque(run: Run) -> bool:
+    """Whether a torque was measured."""
+    return any(run.has(name) for name in TORQUES)
+
+
+def part_left(
+    before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
+) -> tuple[float, float]:
+    """(part of some runs' gap that is left of it, part that is left of the torques' gap; 0 where they have none)."""
+    parts: list[float] = []
+    for names in (None, TORQUES):
+        (loud, chance), (still, _) = (_loudness(left, noises, names) for left in (before, after))
+        parts.append(max(0.0, still / loud) if loud > chance else 0.0)
+    return parts[0], parts[1]
+
+
+def _loudness(
+    left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise], names: Collection[str] | None
+) -> tuple[float, float]:
+    """(energy above noise of these signals, of all where None, in units of noise, what of it may be chance)."""
+    kept = [{name: values for name, values in one.items() if names is None or name in names} for one in left]
+    values = np.concatenate([_in_noise(one, noise) for one, noise in zip(kept, noises, strict=True)])
+    count = np.count_nonzero(values)
+    return float(values @ values) - count, SEEN * float(np.sqrt(2.0 * count))
 
 
 def _along(left: Vector, after: Vector) -> tuple[float, float]:
@@ -217,7 +238,7 @@ def _along(left: Vector, after: Vector) -> tuple[float, float]:
 def _in_noise(left: Mapping[str, Vector], noise: Noise) -> Vector:
     """All that is left, in units of noise, one after the other; 0 where nothing was measured."""
     sigma = noise.sigma
-    return np.concatenate([np.nan_to_num(left[name] / sigma[name]).ravel() for name in sorted(left)])
+    return np.concatenate([np.zeros(0), *(np.nan_to_num(left[name] / sigma[name]).ravel() for name in sorted(left))])
 
 
 def step_of(robot: Robot, run: Run, backend: Backend) -> float:

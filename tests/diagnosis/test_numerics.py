@@ -9,11 +9,22 @@ import pytest
 from pendulums import KD, KP, NOISE, command, pendulum_run
 
 import mbexport
+from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis.diagnose import NUMERICAL
+from mbexport.core.diagnosis.evidence import creep_of
+from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.numerics import left_by, loudness, numerics, suspects
+from mbexport.core.diagnosis.numerics import (
+    left_by,
+    numerics,
+    part_left,
+    suspects,
+    with_coarse_steps,
+    with_held_command,
+)
+from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import shift_of, shift_said, torque_shift_of, unshifted
 
@@ -107,8 +118,8 @@ def likely(run):
     robot = robot_of(DATABASE, "rigid", run)
     noise = noise_floor(DATABASE, "rigid", run)
     found = suspects(robot, run, "mjcf", noise)
-    whole = loudness(residuals(run, resimulated(robot, robot, run, "mjcf")), noise)
-    left = loudness(left_by(found[0], robot, run, "mjcf"), noise) / whole if found else 1.0
+    before = residuals(run, resimulated(robot, robot, run, "mjcf"))
+    left = part_left([before], [left_by(found[0], robot, run, "mjcf")], [noise])[0] if found else 1.0
     return [one.name for one in found], left
 
 
@@ -139,12 +150,19 @@ def test_physics_is_none_of_them(against):
 def test_viscous_friction_is_no_command_that_is_held():
     """It makes positions late by 7 ms, as a command does that is held for ten ticks; its torque tells."""
     runs = [pendulum_run("pd", lambda t, q, dq: 0.4 * dq, seed=seed) for seed in (1, 2)]
-    assert likely(runs[0])[1] > 0.1
+    assert likely(runs[0])[1] > NUMERICAL
     answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
     assert [item.effect for item in answer.which] == ["viscous_friction"]
     # and where there is none, one joint's positions do not
     alone = replace(runs[0], signals={name: runs[0].signals[name] for name in ("q", "q_cmd", "dq_cmd")})
     assert likely(alone) == ([], 1.0)
+
+
+def test_viscous_friction_is_no_controller_that_acts_at_once():
+    """Of kp times half a tick its damping is what a hold takes away."""
+    runs = [pendulum_run("pd", lambda t, q, dq: 0.5e-3 * KP * dq, seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    assert [item.effect for item in answer.which] == ["viscous_friction"]
 
 
 def test_no_mode_but_pd_has_a_controller_to_suspect():
@@ -164,6 +182,23 @@ def test_a_late_torque_is_told_in_whole_samples_and_alone():
     assert torque_shift_in(pendulum_run("pd")) == 0.0
     early = unshifted(pendulum_run("pd"), 0.004, ("tau",))
     assert torque_shift_in(early) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("more", "change"), [({"coarse": True}, with_coarse_steps), ({"every": 3}, lambda run: with_held_command(run, 3))]
+)
+def test_what_such_a_controller_asks_for_is_known_along_the_motion(more, change):
+    run = change(pendulum_run("pd", noise={"q": 1e-7, "tau": 1e-4}, **more))
+    nominal = robot_of(DATABASE, "rigid", run)
+    inside = slice(100, -100)
+
+    def misses(one):
+        grid = prepared(one)
+        asked = said(nominal, grid, nominal, creep_of(grid)).u
+        return float(np.std((asked - run.signals["tau"])[inside]))
+
+    assert misses(run) < 1e-3
+    assert misses(replace(run, control=Control("pd", (KP,), (KD,)))) > 0.01
 
 
 def test_what_is_put_back_has_holes_where_nothing_was_measured():
