@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import KD, KP, NOISE, command, pendulum_run
+from pendulums import KD, KP, NOISE, command, friction_free, pendulum_run
 
 import mbexport
 from mbexport.core.control import Control
@@ -91,9 +91,9 @@ def test_a_smooth_run_is_neither_its_step_nor_its_hold():
     assert len(found.notes) == 2
 
 
-def lazy(seed=0, duration=4.0):
+def lazy(seed=0, duration=4.0, against=friction_free):
     """The log says that a torque is held for 4 ms, it was held for one."""
-    run = pendulum_run("pd", seed=seed, duration=duration)
+    run = pendulum_run("pd", against, seed=seed, duration=duration)
     return replace(run, control=replace(run.control, rate=250.0))
 
 
@@ -111,6 +111,14 @@ def test_what_a_log_does_not_say_of_its_controller_is_no_effect(made, said):
     assert answer.verdict == "no_gap"
     assert answer.which == ()
     assert any(said in note and "no effect" in note for note in answer.notes), answer.notes
+
+
+def test_no_effect_is_looked_for_where_most_of_a_gap_is_numerics():
+    runs = [lazy(seed, against=lambda t, q, dq: 0.006 * dq) for seed in (1, 2)]
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    assert answer.verdict == "unexplained"
+    assert answer.which == ()
+    assert any("More than half" in note and "without a hold" in note for note in answer.notes)
 
 
 def likely(run):
