@@ -44,6 +44,8 @@ BEGINNING, FEWEST = 0.02, 8
 PLAIN, FAST = 8.0, 0.02
 # a filter that was begun on a moving robot is let settle so many of its edges long
 SETTLED = 2
+# a command is known through a gap of so many samples; times kd / kp until a controller has caught up with one
+GAP, CAUGHT_UP = 5.5, 6.0
 # finer ticks where a delay is not a whole number of them
 FINER = 4
 
@@ -124,6 +126,8 @@ def compared(run: Run) -> dict[str, Vector]:
 
     In mode unknown that is torque alone, behind the filter that the motion was smoothed with. Where a motion is given,
     a joint's torque at the turn of its way is not compared: which sample friction changes its sign at nobody knows.
+    What was commanded in a gap of the record is not known either, and nothing is compared behind it until the
+    controller has caught up.
     """
     if mode_of(run) == "motion":
         turns = _loose(smoothed(run), run.t, TURN)
@@ -133,7 +137,8 @@ def compared(run: Run) -> dict[str, Vector]:
             if run.has(name)
         }
     if mode_of(run) != "unknown":
-        return {name: run.signals[name] for name in MEASURED if run.has(name)}
+        lost = _beyond_command(run)[:, None]
+        return {name: np.where(lost, np.nan, run.signals[name]) for name in MEASURED if run.has(name)}
     grid = smoothed(run)
     found: dict[str, Vector] = {}
     known = settled(grid)
@@ -150,6 +155,18 @@ def compared(run: Run) -> dict[str, Vector]:
         for joint in run.locked:
             found["tau"][stands[:, joint - 1], joint - 1] = np.nan
     return found
+
+
+def _beyond_command(run: Run) -> NDArray[np.bool_]:
+    """Rows behind a gap while a controller still makes up for what it was commanded there, shape (m,)."""
+    lost = np.zeros(len(run.t), dtype=bool)
+    if run.control.mode == "pd":
+        gains = zip(run.control.kd, run.control.kp, strict=True)
+        # a damped loop settles within some of these
+        settled = CAUGHT_UP * max((kd / kp for kd, kp in gains if kp > 0.0), default=0.0)
+        for row in np.flatnonzero(np.diff(run.t) * run.rate > GAP) + 1:
+            lost |= (run.t >= run.t[row]) & (run.t < run.t[row] + settled)
+    return lost
 
 
 def _loose(grid: Prepared, times: Vector, reach: float) -> NDArray[np.bool_]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import CENTER, INERTIA, MASS, NOISE, WEIGHT, pendulum_run
+from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, pendulum_run
 
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
@@ -130,3 +130,26 @@ def test_found_rows_stand_on_a_level_that_leaves_their_table_out():
     assert [spring.stiffness for spring in kept if spring][:3] == [180000.0, 50000.0, 180000.0]
     with pytest.raises(UsageError, match="no level 'soft'"):
         robot_of(arm, "soft", run)
+
+
+def test_nothing_is_compared_behind_a_gap_before_the_controller_has_caught_up():
+    """What is commanded in a quarter of a second without rows is not what a polynomial through its ends says."""
+    run = pendulum_run("pd")
+    kept = (run.t < 1.0) | (run.t >= 1.25)
+    run = replace(run, t=run.t[kept], signals={name: values[kept] for name, values in run.signals.items()})
+    simulated = resimulated(robot(run), robot(run), run, "mjcf")
+    left = residuals(run, simulated)
+    off = np.abs(run.signals["q"] - simulated["q"])[:, 0] / NOISE["q"]
+    hidden = np.isnan(left["q"][:, 0])
+    assert off.max() > 20.0
+    assert np.nanmax(np.abs(left["q"])) < 6.0 * NOISE["q"]
+    # of every signal, from the gap's end on, for six times kd / kp
+    assert run.t[hidden][0] == pytest.approx(1.252)
+    assert np.all(np.diff(np.flatnonzero(hidden)) == 1)
+    assert run.t[hidden][-1] - run.t[hidden][0] == pytest.approx(6.0 * KD / KP, abs=1.5 / run.rate)
+    assert np.isnan(left["tau"][hidden]).all()
+    # a few samples that are missing are bridged
+    few = np.ones(len(run.t), dtype=bool)
+    few[50:54] = False
+    bridged = replace(run, t=run.t[few], signals={name: values[few] for name, values in run.signals.items()})
+    assert np.isfinite(compared(bridged)["q"][:200]).all()
