@@ -56,8 +56,6 @@ Tell = Callable[[str], None]
 NUMERICAL, HALF = 0.1, 0.5
 # the same where friction lags alike; a record may even show a held command's ripple as the torque of one
 LAGGING = 0.02
-# part of the torques' gap that stays where it is physics
-STAYS = 0.9
 # how much of a gap is no physics and cannot be put right
 Numerical = Literal["none", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
@@ -308,14 +306,13 @@ class _Diagnosing:
         left, noises = self._left(runs)
         worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
         robots = [robot_of(self.database, self.level, run) for run in runs]
-        best, least = None, part_left(left, self._left(ready)[0], noises)[0]
+        best, least = None, part_left(left, self._left(ready)[0], noises)
         for suspect in suspects(robots[worst], runs[worst], self.backend, noises[worst]):
             changed = [left_by(suspect, robot, run, self.backend) for robot, run in zip(robots, runs, strict=True)]
-            part, of_torque = part_left(left, changed, noises)
-            # friction damps as a controller does that acts at once, but its torque stays
-            all_of_it = part < (LAGGING if suspect.lags else NUMERICAL) and of_torque < STAYS
-            half_of_it = max(part, of_torque) < HALF and not suspect.lags and all(map(tells_torque, runs))
-            if part < least and (all_of_it or half_of_it):
+            part = part_left(left, changed, noises)
+            # without a torque friction that damps may look like half of it
+            half = HALF if all(map(tells_torque, runs)) else NUMERICAL
+            if part < min(least, LAGGING if suspect.lags else half):
                 best, least = suspect, part
         return best, least
 

@@ -8,7 +8,7 @@ Lubich and Wanner, Geometric Numerical Integration, 2006, I.1).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +33,7 @@ WORTH = 0.5
 SEEN = 3.0
 # so near to all of what a suspect changes is there, or it is another one; where one joint's positions are all, friction
 # looks late or damped as well, but of any size
-ABOUT, JUST = 0.5, 0.1
+ABOUT, JUST = 0.5, 0.2
 # of a gap's energy along a command that is held for two ticks, what makes it worth to ask for how many it is
 HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 
@@ -206,30 +206,25 @@ def tells_torque(run: Run) -> bool:
 
 def part_left(
     before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
-) -> tuple[float, float]:
-    """(part of some runs' gap that is left of it, part that is left of the torques' gap; 0 where they have none)."""
-    parts: list[float] = []
-    for names in (None, TORQUES):
-        (loud, chance), (still, _) = (_loudness(left, noises, names) for left in (before, after))
-        parts.append(max(0.0, still / loud) if loud > chance else 0.0)
-    return parts[0], parts[1]
+) -> float:
+    """Part of some runs' gap that is left of it, by its energy above noise."""
+    loud, still = (
+        sum(_loudness(_in_noise(one, noise)) for one, noise in zip(left, noises, strict=True))
+        for left in (before, after)
+    )
+    return max(0.0, still / loud)
 
 
-def _loudness(
-    left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise], names: Collection[str] | None
-) -> tuple[float, float]:
-    """(energy above noise of these signals, of all where None, in units of noise, what of it may be chance)."""
-    kept = [{name: values for name, values in one.items() if names is None or name in names} for one in left]
-    values = np.concatenate([_in_noise(one, noise) for one, noise in zip(kept, noises, strict=True)])
-    count = np.count_nonzero(values)
-    return float(values @ values) - count, SEEN * float(np.sqrt(2.0 * count))
+def _loudness(values: Vector) -> float:
+    """Energy of numbers in units of noise above that of noise; 0 is none."""
+    return float(values @ values) - np.count_nonzero(values)
 
 
 def _along(left: Vector, after: Vector) -> tuple[float, float]:
     """(part of what is left above noise that lies along what a suspect changes, how much of that change it is)."""
     change = left - after
     size, along = float(change @ change), float(left @ change)
-    whole = float(left @ left) - np.count_nonzero(left)
+    whole = _loudness(left)
     if size < SEEN**2 or along <= 0.0 or whole <= 0.0:
         return 0.0, 0.0
     return along**2 / (size * whole), along / size

@@ -119,6 +119,24 @@ def test_no_effect_is_looked_for_where_most_of_a_gap_is_numerics():
     assert answer.verdict == "unexplained"
     assert answer.which == ()
     assert any("More than half" in note and "without a hold" in note for note in answer.notes)
+    # positions alone do not say so: friction that damps may be all of it
+    alone = [positions(run) for run in runs]
+    answer = mbexport.diagnose("pendulum", alone, level="rigid", backends=[])
+    assert not any("More than half" in note for note in answer.notes)
+
+
+def positions(run):
+    """A run whose torque was not measured."""
+    return replace(run, signals={name: run.signals[name] for name in ("q", "q_cmd", "dq_cmd")})
+
+
+def test_positions_of_one_joint_alone_tell_an_integrator_by_its_size_too():
+    run = pendulum_run("pd", coarse=True, duration=3.0)
+    assert "first order" in likely(positions(run))[0][0]
+    # its steps are those of no such controller
+    other = replace(run, control=replace(run.control, rate=1400.0))
+    assert any("first order" in name for name in likely(other)[0])
+    assert likely(positions(other)) == ([], 1.0)
 
 
 def likely(run):
@@ -127,7 +145,7 @@ def likely(run):
     noise = noise_floor(DATABASE, "rigid", run)
     found = suspects(robot, run, "mjcf", noise)
     before = residuals(run, resimulated(robot, robot, run, "mjcf"))
-    left = part_left([before], [left_by(found[0], robot, run, "mjcf")], [noise])[0] if found else 1.0
+    left = part_left([before], [left_by(found[0], robot, run, "mjcf")], [noise]) if found else 1.0
     return [one.name for one in found], left
 
 
@@ -162,8 +180,7 @@ def test_viscous_friction_is_no_command_that_is_held():
     answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
     assert [item.effect for item in answer.which] == ["viscous_friction"]
     # and where there is none, one joint's positions do not
-    alone = replace(runs[0], signals={name: runs[0].signals[name] for name in ("q", "q_cmd", "dq_cmd")})
-    assert likely(alone) == ([], 1.0)
+    assert likely(positions(runs[0])) == ([], 1.0)
 
 
 def test_viscous_friction_is_no_controller_that_acts_at_once():
