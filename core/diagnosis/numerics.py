@@ -207,12 +207,12 @@ def tells_torque(run: Run) -> bool:
 def part_left(
     before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
 ) -> float:
-    """Part of some runs' gap that is left of it, by its energy above noise."""
+    """Part of some runs' gap that is left of it, by its energy above noise; all where there is no such energy."""
     loud, still = (
         sum(_loudness(_in_noise(one, noise)) for one, noise in zip(left, noises, strict=True))
         for left in (before, after)
     )
-    return max(0.0, still / loud)
+    return max(0.0, still / loud) if loud > 0.0 else 1.0
 
 
 def _loudness(values: Vector) -> float:

@@ -157,6 +157,14 @@ def test_each_is_told_from_the_others(made, said):
     assert left < (0.05 if made is lazy else 0.005)
 
 
+def test_of_what_is_no_more_than_noise_no_part_is_taken():
+    noise = noise_floor(DATABASE, "rigid", pendulum_run("pd"))
+    quiet, loud = ({"q": scale * NOISE["q"] * np.ones((100, 1))} for scale in (0.5, 2.0))
+    assert part_left([quiet], [loud], [noise]) == 1.0
+    assert part_left([loud], [quiet], [noise]) == 0.0
+    assert part_left([loud, loud], [loud, quiet], [noise, noise]) == pytest.approx((300.0 - 75.0) / 600.0, rel=0.02)
+
+
 @pytest.mark.parametrize(
     "against",
     [
