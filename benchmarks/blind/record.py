@@ -52,7 +52,7 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
     behind = {"shifted_stamps": values.keys(), "shifted_torque": ("tau",)}.get(numerical, ())
     for name in behind:
         if name in values:
-            values[name] = np.concatenate([values[name][:1], values[name][:-1]])
+            values[name] = row_late(values[name])
     columns: dict[str, np.ndarray] = {"t": kept / rate + late}
     q_cmd, dq_cmd, ddq_cmd = (command[kept] for command in sampled(law, ticks, rate))
     q_cmd += late[:, None] * dq_cmd + 0.5 * late[:, None] ** 2 * ddq_cmd
@@ -72,9 +72,7 @@ def measured(recipe: dict, row: dict, world: World | None = None) -> tuple[dict[
             columns[f"ee_{label}"] = values["ee"][:, axis]
         if sensors["orientation"]:
             turns = truth.ee[kept, :, :3]
-            if numerical == "shifted_stamps":
-                turns = np.concatenate([turns[:1], turns[:-1]])
-            columns.update(orientation(recipe, row, turns))
+            columns.update(orientation(recipe, row, row_late(turns) if numerical == "shifted_stamps" else turns))
     if sensors["gap"]:
         begin = int(sensors["gap"][0] * len(kept))
         end = begin + max(2, int(sensors["gap"][1] * rate / sensors["every"]))
@@ -90,6 +88,11 @@ def lateness(row: dict, sensors: dict, count: int) -> np.ndarray:
     late = sensors["jitter"] * np.clip(np.abs(rng.normal(size=count)), 0.0, 3.0)
     late[0] = 0.0
     return late
+
+
+def row_late(values: np.ndarray) -> np.ndarray:
+    """What stands a row later than it was, shape as values."""
+    return np.concatenate([values[:1], values[:-1]])
 
 
 def ahead(values: np.ndarray) -> np.ndarray:
