@@ -37,9 +37,9 @@ from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows
 from .held import HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
-from .noise import Noise, loudest, noise_floor
+from .noise import Noise, noise_floor
 from .nuisances import whitening
-from .numerics import Suspect, left_by, numerics, part_left, suspects, tells_torque
+from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
 from .problem import problem
 from .refine import BEARING, Refined, refined
@@ -52,10 +52,6 @@ from .words import variable_in_words
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-# part of a gap's energy that is left where it was no physics, and where half of it was
-NUMERICAL, HALF = 0.1, 0.5
-# the same where friction lags alike; a record may even show a held command's ripple as the torque of one
-LAGGING = 0.02
 # how much of a gap is no physics and cannot be put right
 Numerical = Literal["none", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
@@ -297,24 +293,11 @@ class _Diagnosing:
         return unshifted(run, shift, ("tau",))
 
     def _suspected(self, runs: Sequence[Run], ready: Sequence[Run]) -> tuple[Suspect | None, float]:
-        """What a log does not say of its controller or stamps that leaves least of the gap, and which part of it.
-
-        It has to leave less than half, or next to nothing where friction would look alike, and less than runs whose
-        stamps were put right one by one.
-        """
+        """What no log says of a controller or of stamps that leaves less than stamps put right, and which part."""
         self.tell("what the log does not say of its controller")
-        left, noises = self._left(runs)
-        worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
         robots = [robot_of(self.database, self.level, run) for run in runs]
-        best, least = None, part_left(left, self._left(ready)[0], noises)
-        for suspect in suspects(robots[worst], runs[worst], self.backend, noises[worst]):
-            changed = [left_by(suspect, robot, run, self.backend) for robot, run in zip(robots, runs, strict=True)]
-            part = part_left(left, changed, noises)
-            # without a torque friction that damps may look like half of it
-            half = HALF if all(map(tells_torque, runs)) else NUMERICAL
-            if part < min(least, LAGGING if suspect.lags else half):
-                best, least = suspect, part
-        return best, least
+        left, noises = self._left(runs)
+        return suspected(robots, runs, self.backend, noises, part_left(left, self._left(ready)[0], noises))
 
     def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""

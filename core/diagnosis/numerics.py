@@ -19,7 +19,7 @@ from ..recording import Run
 from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
-from .noise import Noise
+from .noise import Noise, loudest
 from .resimulate import mode_of, residuals, resimulated
 from .stamps import TORQUES, unshifted
 
@@ -36,6 +36,10 @@ SEEN = 3.0
 ABOUT, JUST = 0.5, 0.2
 # of a gap's energy along a command that is held for two ticks, what makes it worth to ask for how many it is
 HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
+# part of a gap's energy that is left where it was no physics, and where half of it was
+NUMERICAL, HALF = 0.1, 0.5
+# the same where friction lags alike; a record may even show a held command's ripple as the torque of one
+LAGGING = 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -160,6 +164,33 @@ _LATE_TORQUE = Suspect(
     lambda run: unshifted(run, 1.0 / run.rate, ("tau",)),
     exact=True,
 )
+
+
+def suspected(
+    robots: Sequence[Robot], runs: Sequence[Run], backend: Backend | str, noises: Sequence[Noise], least: float
+) -> tuple[Suspect | None, float]:
+    """The suspect that leaves least of some runs' gap, and which part of its energy; None if none leaves little enough.
+
+    It has to leave less than half, or next to nothing where friction would look alike.
+
+    Args:
+        robots: As known, one a run.
+        runs: What was measured.
+        backend: The engine.
+        noises: Of the runs.
+        least: Part that is left without one.
+    """
+    left = [residuals(run, resimulated(robot, robot, run, backend)) for robot, run in zip(robots, runs, strict=True)]
+    # without a torque friction that damps may look like half of a gap
+    half = HALF if all(map(tells_torque, runs)) else NUMERICAL
+    worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
+    best = None
+    for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
+        changed = [left_by(suspect, robot, run, backend) for robot, run in zip(robots, runs, strict=True)]
+        part = part_left(left, changed, noises)
+        if part < min(least, LAGGING if suspect.lags else half):
+            best, least = suspect, part
+    return best, least
 
 
 def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> list[Suspect]:

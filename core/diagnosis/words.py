@@ -287,4 +287,5 @@ def summary(diagnosis: Diagnosis) -> str:
     if diagnosis.next_experiment is not None:
         lines.append(f"  Next: {diagnosis.next_experiment.why.strip().rstrip('.')}.")
     lines.append(f"  {left_out_in_words(diagnosis)}")
+    lines += [f"  Note: {note}" for note in diagnosis.notes]
     return "\n".join(line for line in lines if line.strip())

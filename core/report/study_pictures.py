@@ -91,7 +91,8 @@ def _draw_indices(axes: Any, results: Results) -> None:
         axes.plot([], [], "s", color=_COLOUR[one.figure], label=MEANINGS[one.figure])
     axes.axvline(0.0, color="#333333", linewidth=0.8)
     axes.set_xlabel(_INDEX_LABELS[known[0].ranking])
-    axes.legend(loc="lower right")
+    # bars may be anywhere within
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=len(known))
 
 
 def _draw_strongest(axes: Any, results: Results) -> None:

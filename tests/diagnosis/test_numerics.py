@@ -11,12 +11,12 @@ from pendulums import KD, KP, NOISE, command, friction_free, pendulum_run
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import load
-from mbexport.core.diagnosis.diagnose import NUMERICAL
 from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.numerics import (
+    NUMERICAL,
     left_by,
     numerics,
     part_left,

@@ -133,5 +133,7 @@ def test_the_summary_is_a_few_lines(explained, no_gap, unexplained):
     assert lines[0].startswith("imece2013: the gap comes from Coulomb friction")
     assert any(line.startswith("  Next: separates Coulomb from Stribeck") for line in lines)
     assert any("left out in 1 place: stuck" in line for line in lines)
-    assert len(lines) <= 8 and len(no_gap.summary().splitlines()) == 2
+    assert len(lines) <= 8 + len(explained.notes) and len(no_gap.summary().splitlines()) == 2 + len(no_gap.notes)
     assert "looks like a torque" in unexplained.summary()
+    noted = replace(no_gap, notes=("The stamps of run-01 are 1 ms late.",)).summary()
+    assert noted.splitlines()[-1] == "  Note: The stamps of run-01 are 1 ms late."
