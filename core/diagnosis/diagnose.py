@@ -34,7 +34,7 @@ from .diagnosis import (
 )
 from .experiment import Experiment, design
 from .fit import blocks
-from .gap import LEVEL, Gap, gap_of, shows
+from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor
@@ -43,7 +43,7 @@ from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
 from .problem import problem
 from .refine import BEARING, Refined, refined
-from .resimulate import residuals, resimulated
+from .resimulate import mode_of, residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .unseen import NOTHING, OTHER_FORM, in_parts, splits
@@ -146,7 +146,12 @@ class _Diagnosing:
         state = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        looking = numerical == "none" and before.chance < LEVEL and fitted.chance < HARDLY
+        if all(mode_of(run) == "unknown" for run in ready):
+            # where all noise is in accelerations its bands tell what a channel's mean square hides
+            seen_there = shows_in_band(state.left, blocks(seen.evidence))
+        else:
+            seen_there = before.chance < LEVEL and fitted.chance < HARDLY
+        looking = numerical == "none" and seen_there
         state, held = self._found(state, judge, looking=looking)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:

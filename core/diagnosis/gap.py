@@ -70,7 +70,12 @@ def shows(left: Vector, parts: Sequence[Part]) -> bool:
     exactly; along the measured motion neither is a gap.
     """
     whole = {(part.begin, part.end) for part in parts}
-    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in whole) or any(
+    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in whole) or shows_in_band(left, parts)
+
+
+def shows_in_band(left: Vector, parts: Sequence[Part]) -> bool:
+    """Whether a band of the measured motion's torques alone is far above noise, which is loud in others."""
+    return any(
         float(np.mean(left[part.first : part.last] ** 2)) > SHOWS_IN_BAND
         for part in parts
         if part.last - part.first >= SHORTEST_BAND

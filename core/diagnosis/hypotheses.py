@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..effects import Column, EffectRow, catalogue, effect_named
 from ..expansion import SHORTEST_BEND
 from ..kinematics import dynamics
+from ..representation import JointKind
 from .evidence import differences
 from .inverse import Said
 from .model import Rows
@@ -34,7 +35,9 @@ BESIDE, APART = 4, 0.6
 # delays are looked for up to this one [s], and within this part of each tick
 LONGEST_DELAY = 0.02
 WITHIN = 0.98
-FINEST_CYCLES, MOST_CYCLES = 0.25, 400.0
+FINEST_CYCLES = 0.25
+# the most of them: a turn (a gear of 100 and its motor's four), or as radians a metre (six a turn of a screw of 5 mm)
+MOST_CYCLES: Mapping[JointKind, float] = {"revolute": 400.0, "prismatic": 8000.0}
 # times the median power of all orders that a wave's is
 STANDS_OUT = 8.0
 _WAVES = ("transmission_error", "torque_ripple")
@@ -540,7 +543,7 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     way = scales.way[i]
     fastest = max(float(np.abs(run.dq[:, i]).max()) for run in problem.evidence.runs)
     band = min(run.band for run in problem.evidence.runs)
-    highest = min(MOST_CYCLES, 2.0 * np.pi * band / max(0.3 * fastest, 1e-9))
+    highest = min(MOST_CYCLES[problem.database.joints[i].kind], 2.0 * np.pi * band / max(0.3 * fastest, 1e-9))
     finest = max(FINEST_CYCLES, 0.5 * np.pi / way)
     lowest = max(0.5, 2.0 * np.pi / way)
     if highest <= lowest:

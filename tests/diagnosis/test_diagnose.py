@@ -72,6 +72,20 @@ def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one(monkeypatch):
     assert any("held-out runs alone" in note for note in answer.notes)
 
 
+def test_a_torque_below_the_noise_of_accelerations_is_found_where_it_is():
+    """The noise of differentiated positions is in high bands; a torque that stands still is not."""
+    answer = mbexport.diagnose("pendulum", loud(lambda t, q, dq: 0.05), level="rigid", backends=[])
+    assert [item.effect for item in answer.which] == ["torque_offset"]
+    low, high = answer.which[0].parameters["torque"].ci95
+    assert low < 0.05 < high
+    assert mbexport.diagnose("pendulum", loud(), level="rigid", backends=[]).verdict == "no_gap"
+
+
+def loud(against=None):
+    """Recorded motions with loud positions; nothing is known of a controller."""
+    return runs(against, mode="unknown", noise={"q": 6e-4, "tau": 0.01})
+
+
 def test_one_run_is_judged_in_parts():
     (run,) = runs(seeds=(3,))
     parts = in_parts(run)

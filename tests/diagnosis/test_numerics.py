@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pendulums
 import pytest
 from pendulums import KD, KP, NOISE, command, friction_free, pendulum_run
 
@@ -128,6 +129,16 @@ def test_no_effect_is_looked_for_where_most_of_a_gap_is_numerics():
 def positions(run):
     """A run whose torque was not measured."""
     return replace(run, signals={name: run.signals[name] for name in ("q", "q_cmd", "dq_cmd")})
+
+
+def test_a_rotor_is_no_speed_that_is_late(monkeypatch):
+    """Of positions alone; where speeds half a tick late would show what a rotor a third as heavy does."""
+    monkeypatch.setattr(pendulums, "INERTIA", pendulums.INERTIA + 3.0 * KD * 0.5e-3)
+    runs = [positions(pendulum_run("pd", seed=seed)) for seed in (1, 2)]
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    (rotor,) = answer.which
+    assert rotor.effect == "rotor_inertia"
+    assert rotor.parameters["inertia"].value == pytest.approx(3.0 * KD * 0.5e-3, rel=0.01)
 
 
 def test_positions_of_one_joint_alone_tell_an_integrator_by_its_size_too():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mbexport.core.build import build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
@@ -27,6 +28,7 @@ from mbexport.core.diagnosis.search import (
     without_bodies,
 )
 from mbexport.core.effects import EffectRow, effect_named
+from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
 
@@ -176,6 +178,22 @@ def test_the_cycles_of_a_gear_are_read_where_its_output_was_measured():
     asked = problem(load("pendulum"), "rigid", runs)
     cycles = [row(h)["cycles"] for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "transmission_error"]
     assert min(abs(one - 30.0) for one in cycles) < 0.5
+
+
+def test_a_screw_has_many_cycles_a_metre():
+    """As radians: one of 6 mm makes 1047 of them, where no joint that turns has more than some hundred a turn."""
+    arm = load("scara")
+    t = np.arange(1001) / 250.0
+    q = np.zeros((len(t), 4))
+    q[:, 2] = 0.05 * (1.0 - np.cos(1.3 * t))
+    tau = dynamics(build(arm, "rigid")).inverse_dynamics(q, np.gradient(q, t, axis=0), np.zeros_like(q))
+    tau[:, 2] += 0.5 * np.sin(1047.0 * q[:, 2])
+    tau += 0.01 * np.random.default_rng(1).normal(size=tau.shape)
+    noise = {"q": np.full(4, 1e-6), "tau": np.full(4, 0.01)}
+    run = Run("slides", t, {"q": q, "tau": tau}, Control("unknown"), noise, (), {}, "", (), 250.0)
+    asked = problem(arm, "rigid", [run])
+    cycles = [row(h)["cycles"] for h in hypotheses(asked, {}, scales_of(asked, {})) if h.key == ("torque_ripple", 3)]
+    assert min(abs(one - 1047.0) for one in cycles) < 0.1 * 2.0 * np.pi / 0.1
 
 
 def gear(q):
