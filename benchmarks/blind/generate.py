@@ -80,12 +80,23 @@ def job(arguments: tuple) -> tuple[str, str, float]:
     return group, name, seconds
 
 
+def span(entry: str) -> tuple[str, range]:
+    """Which cases of a class: "single=60" are the first 60, "single=60:80" the 20 behind them."""
+    group, _, numbers = entry.partition("=")
+    begin, _, end = numbers.rpartition(":")
+    return group, range(int(begin or 0), int(end))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("bank", type=Path)
     parser.add_argument("--set", dest="which", choices=sorted(COUNTS), default="tune")
     parser.add_argument(
-        "--count", action="append", default=[], metavar="CLASS=N", help="instead of the set's own counts"
+        "--count",
+        action="append",
+        default=[],
+        metavar="CLASS=[FROM:]TO",
+        help="instead of the set's own counts; FROM leaves out the cases before it",
     )
     parser.add_argument("--robot", action="append", default=[], choices=ROBOTS, help="only cases of this robot")
     parser.add_argument("--workers", type=int, default=1)
@@ -94,16 +105,16 @@ def main() -> None:
     if options.sample:
         jobs = [(options.bank, "sample", group, index, seconds) for group, index, seconds in SAMPLE]
     else:
-        counts = dict(COUNTS[options.which])
+        spans = {group: range(count) for group, count in COUNTS[options.which].items()}
         if options.count:
-            counts = {group: int(number) for group, _, number in (entry.partition("=") for entry in options.count)}
-        unknown = set(counts) - set(CLASSES)
+            spans = dict(map(span, options.count))
+        unknown = set(spans) - set(CLASSES)
         if unknown:
             parser.error(f"no class {', '.join(sorted(unknown))}; there are {', '.join(CLASSES)}")
-        jobs = [(options.bank, options.which, g, i, None) for g in CLASSES for i in range(counts.get(g, 0))]
+        jobs = [(options.bank, options.which, g, i, None) for g in CLASSES for i in spans.get(g, ())]
         jobs = [j for j in jobs if not options.robot or ROBOTS[j[3] % len(ROBOTS)] in options.robot]
         # all classes grow together, so that a bank which is stopped early is one
-        jobs.sort(key=lambda j: (j[3] / max(counts[j[2]], 1), j[2]))
+        jobs.sort(key=lambda j: ((j[3] - spans[j[2]].start) / len(spans[j[2]]), j[2]))
     with ProcessPoolExecutor(options.workers) as pool:
         for number, (group, name, seconds) in enumerate(pool.map(job, jobs), start=1):
             print(f"{number}/{len(jobs)} {group} {name} {seconds:.1f} s", flush=True)

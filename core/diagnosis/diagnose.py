@@ -146,12 +146,10 @@ class _Diagnosing:
         state = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        if all(mode_of(run) == "unknown" for run in ready):
-            # where all noise is in accelerations its bands tell what a channel's mean square hides
-            seen_there = shows_in_band(state.left, blocks(seen.evidence))
-        else:
-            seen_there = before.chance < LEVEL and fitted.chance < HARDLY
-        looking = numerical == "none" and seen_there
+        # where all noise is in accelerations its bands tell what a channel's mean square hides
+        by_bands = all(mode_of(run) == "unknown" for run in ready)
+        loud = before.chance < LEVEL and fitted.chance < HARDLY
+        looking = numerical == "none" and (shows_in_band(state.left, blocks(seen.evidence)) if by_bands else loud)
         state, held = self._found(state, judge, looking=looking)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
@@ -159,8 +157,8 @@ class _Diagnosing:
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
             names = [named[item.key] for item in held.found]
         experiment = self._next(state, held.found, names)
-        seen_too = shows(whiten(whole.residual({})), blocks(whole.evidence))
-        if not held.found and not before.is_noise and not seen_too:
+        seen_too = (shows_in_band if by_bands else shows)(whiten(whole.residual({})), blocks(whole.evidence))
+        if not (held.found or before.is_noise or seen_too or by_bands):
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain

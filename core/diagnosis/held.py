@@ -174,7 +174,9 @@ class Judge:
         idle = {
             item.key
             for item in held.found
-            if by < (without.get(name_of(item)) or 0.0) + HELPS and all(vanished(number, item) for number in numbers)
+            # a torque that is recorded as its tick begins knows a delay, however short, from none
+            if (item.effect == "delay" or by < (without.get(name_of(item)) or 0.0) + HELPS)
+            and all(vanished(number, item) for number in numbers)
         }
         if idle:
             rest = self.held([item for item in held.found if item.key not in idle])

@@ -40,6 +40,10 @@ HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 NUMERICAL, HALF = 0.1, 0.5
 # the same where friction lags alike; a record may even show a held command's ripple as the torque of one
 LAGGING = 0.02
+# joints whose own gap is of one suspect, and so much of it, that tell it where another joint's drowns them
+JOINTS, MOST = 3, 0.8
+# standard deviations of noise's energy above it from which a joint has a gap
+CLEARLY = 5.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,12 +123,14 @@ class Suspect:
         change: A run to the same run of such a controller, or with its stamps put right.
         exact: What is left then is no part of it.
         lags: It makes all that was measured come later, as friction does at one joint.
+        everywhere: It acts in every joint alike.
     """
 
     name: str
     change: Callable[[Run], Run]
     exact: bool = False
     lags: bool = False
+    everywhere: bool = False
 
     def said(self, run: Run) -> str:
         """A sentence on a gap that goes with it."""
@@ -133,16 +139,20 @@ class Suspect:
     def half_said(self, run: Run) -> str:
         """A sentence on a gap that goes with it for the most part."""
         return (
-            f"More than half of the gap in {run.name} is that of {self.name}. That is numerics: no effect is looked "
-            "for before it is put right."
+            f"More than half of the gap in {run.name}, or of most joints' own, is that of {self.name}. That is "
+            "numerics: no effect is looked for before it is put right."
         )
 
 
 _NO_HOLD = Suspect(
-    f"a controller that acts without a hold: it is compared with one that ticks {FASTER} times as fast", without_hold
+    f"a controller that acts without a hold: it is compared with one that ticks {FASTER} times as fast",
+    without_hold,
+    everywhere=True,
 )
-_DIFFERENCES = Suspect("a controller whose speeds are differences of positions, half a tick late", with_differences)
-_COARSE_STEPS = Suspect("an integrator of first order with one step a tick", with_coarse_steps)
+_DIFFERENCES = Suspect(
+    "a controller whose speeds are differences of positions, half a tick late", with_differences, everywhere=True
+)
+_COARSE_STEPS = Suspect("an integrator of first order with one step a tick", with_coarse_steps, everywhere=True)
 
 
 def _held_command(ticks: int) -> Suspect:
@@ -171,7 +181,8 @@ def suspected(
 ) -> tuple[Suspect | None, float]:
     """The suspect that leaves least of some runs' gap, and which part of its energy; None if none leaves little enough.
 
-    It has to leave less than half, or next to nothing where friction would look alike.
+    It has to leave less than half, or next to nothing where friction would look alike. What acts in every joint
+    alike is told by most joints, too, whatever else is in another.
 
     Args:
         robots: As known, one a run.
@@ -184,13 +195,15 @@ def suspected(
     # without a torque friction that damps may look like half of a gap
     half = HALF if all(map(tells_torque, runs)) else NUMERICAL
     worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
-    best = None
+    best, drowned = None, None
     for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
         changed = [left_by(suspect, robot, run, backend) for robot, run in zip(robots, runs, strict=True)]
         part = part_left(left, changed, noises)
         if part < min(least, LAGGING if suspect.lags else half):
             best, least = suspect, part
-    return best, least
+        if drowned is None and suspect.everywhere and _in_most_joints(left, changed, noises):
+            drowned = suspect
+    return (best, least) if best or not drowned else (drowned, HALF)
 
 
 def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> list[Suspect]:
@@ -205,22 +218,27 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
     if mode_of(run) != "pd":
         return []
 
-    def left_of(suspect: Suspect) -> Vector:
-        return _in_noise(left_by(suspect, robot, run, backend), noise)
+    def left_of(suspect: Suspect) -> dict[str, Vector]:
+        return left_by(suspect, robot, run, backend)
 
-    left = _in_noise(residuals(run, resimulated(robot, robot, run, backend)), noise)
+    def along(after: Mapping[str, Vector]) -> tuple[float, float]:
+        return _along(whole, _in_noise(after, noise))
+
+    left = residuals(run, resimulated(robot, robot, run, backend))
+    whole = _in_noise(left, noise)
     tried = [(suspect, left_of(suspect)) for suspect in (_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)]
     alone = run.n == 1 and not tells_torque(run)
     if not alone:
         tried += [(suspect, left_of(suspect)) for suspect in (_LATE, _held_command(HELD[0]))]
-        if _along(left, tried[-1][1])[0] > HINT:
+        if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
             tried += [(suspect, left_of(suspect)) for suspect in map(_held_command, HELD[1:])]
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
-        share, amount = _along(left, after)
-        if share > WORTH and abs(amount - 1.0) < (JUST if alone else ABOUT):
-            likely.append((float(after @ after), suspect))
+        share, amount = along(after)
+        much = share > WORTH and abs(amount - 1.0) < (JUST if alone else ABOUT)
+        if much or (suspect.everywhere and _in_most_joints([left], [after], [noise])):
+            likely.append((float(np.sum(_in_noise(after, noise) ** 2)), suspect))
     return [suspect for _, suspect in sorted(likely, key=lambda one: one[0])]
 
 
@@ -238,12 +256,39 @@ def tells_torque(run: Run) -> bool:
 def part_left(
     before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
 ) -> float:
-    """Part of some runs' gap that is left of it, by its energy above noise; all where there is no such energy."""
+    """Part of some runs' gap that is left of it, by its energy above noise; all where there is no such energy.
+
+    Below 0 where less is left than noise was thought to be: of two that leave so little one may still leave less.
+    """
     loud, still = (
         sum(_loudness(_in_noise(one, noise)) for one, noise in zip(left, noises, strict=True))
         for left in (before, after)
     )
-    return max(0.0, still / loud) if loud > 0.0 else 1.0
+    return still / loud if loud > 0.0 else 1.0
+
+
+def _in_most_joints(
+    before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
+) -> bool:
+    """Whether most joints with a gap, three or more, have the one that a suspect makes, each by its own channels."""
+
+    def own(left: Sequence[Mapping[str, Vector]], joint: int) -> Vector:
+        parts = [
+            one[name][:, joint] / noise.sigma[name][joint]
+            for one, noise in zip(left, noises, strict=True)
+            for name in sorted(one)
+            if not name.startswith("ee")
+        ]
+        return np.nan_to_num(np.concatenate(parts))
+
+    n = max((one[name].shape[1] for one in before for name in one if not name.startswith("ee")), default=0)
+    told = there = 0
+    for joint in range(n):
+        left, rest = own(before, joint), own(after, joint)
+        share, amount = _along(left, rest)
+        there += _loudness(left) > CLEARLY * np.sqrt(2.0 * len(left))
+        told += share > MOST and abs(amount - 1.0) < ABOUT
+    return told >= JOINTS and 2 * told > there
 
 
 def _loudness(values: Vector) -> float:

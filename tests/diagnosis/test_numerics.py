@@ -15,9 +15,10 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
-from mbexport.core.diagnosis.noise import noise_floor
+from mbexport.core.diagnosis.noise import Noise, noise_floor
 from mbexport.core.diagnosis.numerics import (
     NUMERICAL,
+    _in_most_joints,
     left_by,
     numerics,
     part_left,
@@ -172,8 +173,22 @@ def test_of_what_is_no_more_than_noise_no_part_is_taken():
     noise = noise_floor(DATABASE, "rigid", pendulum_run("pd"))
     quiet, loud = ({"q": scale * NOISE["q"] * np.ones((100, 1))} for scale in (0.5, 2.0))
     assert part_left([quiet], [loud], [noise]) == 1.0
-    assert part_left([loud], [quiet], [noise]) == 0.0
+    # of two that leave less than noise the quieter leaves less
+    quieter = {"q": 0.5 * quiet["q"]}
+    assert part_left([loud], [quieter], [noise]) < part_left([loud], [quiet], [noise]) < 0.0
     assert part_left([loud, loud], [loud, quiet], [noise, noise]) == pytest.approx((300.0 - 75.0) / 600.0, rel=0.02)
+
+
+@pytest.mark.parametrize(("told", "size", "most"), [(3, 1.0, True), (2, 1.0, False), (3, 3.0, False)])
+def test_what_acts_in_every_joint_is_told_by_most_of_them(told, size, most):
+    """Where another joint's gap, a thousand times theirs, is of another kind."""
+    t = np.arange(400) / 100.0
+    ones = {"q": np.ones(4)}
+    noise = Noise(ones, {"q": np.zeros(4)}, ones)
+    made = 10.0 * np.sin(np.outer(t, [2.0, 3.0, 4.0, 5.0]))
+    left = size * made + np.random.default_rng(1).normal(size=made.shape)
+    left[:, told:] = 1e4 * np.cos(np.outer(t, np.ones(4 - told)))
+    assert _in_most_joints([{"q": left}], [{"q": left - made}], [noise]) == most
 
 
 @pytest.mark.parametrize(
