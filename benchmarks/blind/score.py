@@ -165,7 +165,9 @@ class Case:
                 for name, value in effect["total"].items():
                     interval = (finding["parameters"].get(name) or {}).get("ci95")
                     if interval and None not in interval:
-                        out.append(interval[0] <= value <= interval[1])
+                        # a phase is an angle: of all that are the same, the nearest
+                        turns = round((sum(interval) / 2.0 - value) / math.tau) if name == "phase" else 0
+                        out.append(interval[0] <= value + math.tau * turns <= interval[1])
         return out
 
     @property

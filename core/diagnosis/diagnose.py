@@ -42,7 +42,7 @@ from .nuisances import whitening
 from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
 from .problem import problem
-from .refine import BEARING, Refined, refined
+from .refine import BEARING, Refined, in_one_turn, refined
 from .resimulate import mode_of, residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
@@ -266,6 +266,7 @@ class _Diagnosing:
             far = bool(kept.numbers)
             last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
             fit = last or fit
+        fit = in_one_turn(fit)
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 
     def _found_so_far(self, what: str) -> None:

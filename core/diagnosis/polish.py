@@ -2,13 +2,16 @@
 
 Inverse dynamics along a smoothed motion says which effects there are, and their numbers to a few parts in a hundred.
 A simulation knows holds, ticks and a loop's own answer exactly; from where the numbers are it is nearly linear in them,
-so that one Gauss-Newton step is enough.
+so that one Gauss-Newton step is enough. Only in a delay it is not: a record made at ticks jumps where a delay becomes
+another whole number of them, and so several are tried before.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +24,7 @@ from .blocks import BLOCK
 from .model import Rows, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
-from .refine import Refined, bounds_of
+from .refine import MOST_TICKS, Refined, bounds_of, tick_of
 from .resimulate import compared, linear, residuals, resimulated
 
 Vector = NDArray[np.float64]
@@ -61,8 +64,6 @@ def polished(
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
-    # in simulation nothing jumps where a delay is a whole number of ticks
-    limits: Vector = np.array([bounds_of(problem, *key) for key in fit.free], dtype=float)
     size = np.maximum(np.abs(start), sigma)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
     weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
@@ -74,27 +75,60 @@ def polished(
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
+    late = [k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"]
     try:
-        x = start
-        before = now = left(x)
+        before = cost(left(start), start)
+        for k in late:
+            tick = tick_of(problem)
+
+            def at(ticks: float, k: int = k, tick: float = tick) -> list[Vector]:
+                return left(_with(start, k, ticks * tick))
+
+            start[k] = tick * _right_tick(at, start[k] / tick, loose)
+            weight[k] = 1.0 / tick
+        # what is recorded jumps where a delay is a whole number of ticks
+        within = [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)]
+        limits: Vector = np.array(within, dtype=float)
+        x, now = start, left(start)
         slopes: list[Vector] = []
-        for _ in range(ROUNDS_FROM_AFAR if far else ROUNDS):
+        for _ in range(ROUNDS_FROM_AFAR if far or late else ROUNDS):
             slopes = _slopes(left, now, x, step, limits)
             normal, gradient = np.diag(weight**2), weight**2 * (x - start)
             for part, slope, beside in zip(now, slopes, loose.without(slopes), strict=True):
                 normal = normal + np.einsum("mck,mcl->kl", slope, beside)
                 gradient = gradient + np.einsum("mck,mc->k", beside, part)
             way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
-            better = _better(left, cost, cost(now, x), x, way, limits, PARTS if far else PARTS[:1])
+            better = _better(left, cost, cost(now, x), x, way, limits, PARTS if far or late else PARTS[:1])
             if better is None:
                 break
             x, now = better
     except RefusedError:
         return None
-    if cost(now, x) >= cost(before, start):
+    if cost(now, x) >= before:
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
     return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
+
+
+def _right_tick(left: Callable[[float], list[Vector]], ticks: float, loose: _Loose) -> float:
+    """The middle of the tick in which simulation likes a delay best, from that where it is on, all in ticks."""
+
+    @cache
+    def energy(number: int) -> float:
+        return loose.energy(left(number + 0.5))
+
+    here = math.floor(ticks)
+    for way in (1, -1):
+        while 0 <= here + way <= ticks + MOST_TICKS and energy(here + way) < energy(here):
+            here += way
+    return here + 0.5
+
+
+def _with(x: Vector, k: int, value: float) -> Vector:
+    """Numbers with another one."""
+    out = x.copy()
+    out[k] = value
+    return out
 
 
 def _better(

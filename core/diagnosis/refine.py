@@ -191,6 +191,16 @@ def stiffened(
     return rows
 
 
+def in_one_turn(fit: Refined) -> Refined:
+    """The fit with phases from -pi to pi."""
+
+    def turned(row: EffectRow) -> EffectRow:
+        phase = row.values.get("phase")
+        return row if phase is None else EffectRow(row.at, {**row.values, "phase": math.remainder(phase, math.tau)})
+
+    return replace(fit, rows={key: turned(row) for key, row in fit.rows.items()})
+
+
 def _gives(bearing: EffectRow) -> list[str]:
     """Directions in which a bearing is not rigid, the stiffest first."""
     finite = [name for name, value in bearing.values.items() if name.startswith("k") and math.isfinite(value)]
@@ -199,7 +209,7 @@ def _gives(bearing: EffectRow) -> list[str]:
 
 def _beyond(problem: Problem, delay: EffectRow) -> EffectRow | None:
     """A delay on the other side of the edge of a tick that it has come to; None where it has come to none."""
-    tick = _tick(problem)
+    tick = tick_of(problem)
     number, part = divmod(delay.values["time"] / tick, 1.0)
     if min(part, 1.0 - part) > 2.0 * EDGE:
         return None
@@ -207,7 +217,8 @@ def _beyond(problem: Problem, delay: EffectRow) -> EffectRow | None:
     return EffectRow(delay.at, {**delay.values, "time": time}) if time > 0.0 else None
 
 
-def _tick(problem: Problem) -> float:
+def tick_of(problem: Problem) -> float:
+    """Longest period of a controller [s]."""
     return 1.0 / min(run.run.control.rate for run in problem.evidence.runs)
 
 
@@ -312,7 +323,7 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
     """
     low, high = _range(effect, name)
     if effect == "delay" and start is not None:
-        tick = _tick(problem)
+        tick = tick_of(problem)
         number = np.floor(start / tick)
         # differences are taken upwards
         low, high = max(low, (number + EDGE) * tick), (number + 1.0 - EDGE) * tick

@@ -67,6 +67,7 @@ def pendulum_run(
     every: int = 1,
     coarse: bool = False,
     torque_late: float = 0.0,
+    delay: int = 0,
 ) -> Run:
     """What the pendulum's sensors say; its controller ticks at 1 kHz and holds its torque.
 
@@ -82,11 +83,12 @@ def pendulum_run(
         every: Ticks for which a command stays what it is.
         coarse: Semi-implicit Euler with one step a tick moves it.
         torque_late: By how much the torque alone comes after its stamps [s].
+        delay: By how many of the steps between two ticks, FINE of them, the drive's torque is late.
     """
     sigma = NOISE if noise is None else noise
     ticks = np.arange(round(duration * 1000) + 1) / 1000.0
     q_cmd, dq_cmd, ddq_cmd = command(ticks)
-    tau = np.empty_like(ticks)
+    tau, asked_for = np.empty_like(ticks), np.empty_like(ticks)
     states = np.empty((len(ticks), 2))
     q = dq = 0.0
     for k, t in enumerate(ticks.tolist()):
@@ -97,14 +99,15 @@ def pendulum_run(
             continue
         states[k] = q, dq
         told = k - k % every
-        held = KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq)
-        tau[k] = held
+        asked_for[k] = KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq)
+        tau[k] = held = asked_for[max(0, (FINE * k - delay) // FINE)]
         if coarse:
             dq += 1.0e-3 * (held - WEIGHT * math.sin(q) - against(t, q, dq)) / INERTIA
             q += 1.0e-3 * dq
             continue
         for part in range(FINE):
-            q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, held, against)
+            acts = asked_for[max(0, (FINE * k + part - delay) // FINE)]
+            q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, acts, against)
     t = np.arange(int(duration * rate) + 1) / rate if stamps is None else stamps
     random = np.random.default_rng(seed)
     at = np.clip(t - late, 0.0, None)

@@ -1,9 +1,20 @@
-"""Numbers from simulation: what tolerances may do is taken out of them."""
+"""Numbers from simulation: what tolerances may do is taken out of them, a delay is found in another tick."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from mbexport.core.diagnosis.polish import _Loose
+from mbexport.core.database import load
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.polish import _Loose, polished
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import in_one_turn, refined
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.effects import EffectRow
+
+from .pendulums import FINE, pendulum_run
 
 RANDOM = np.random.default_rng(4)
 # two runs of some rows and channels, three tolerances
@@ -31,3 +42,22 @@ def test_without_tolerances_nothing_is_taken_out():
     left = [RANDOM.normal(size=one.shape[:2]) for one in COLUMNS]
     np.testing.assert_array_equal(flat(loose.without(left)), flat(left))
     assert loose.energy(left) == pytest.approx(float(flat(left) @ flat(left)))
+
+
+@pytest.mark.parametrize("ticks", [0.9, 2.6])
+def test_a_delay_is_found_from_another_tick(ticks):
+    """What a record at ticks shows jumps between them, and no slope points there."""
+    runs = [pendulum_run(seed=seed, delay=4) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    late = Found("delay", 0, EffectRow(0, {"time": 1e-3 * ticks}), 50.0)
+    fit = refined(asked, whitening(asked), [late], blocks(asked.evidence))
+    fit = replace(fit, rows={late.key: late.row})
+    better = polished(asked, "rigid", runs, fit, "mjcf")
+    assert better.rows[late.key].values["time"] == pytest.approx(4.0e-3 / FINE, rel=0.02)
+
+
+def test_a_phase_is_told_within_one_turn():
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(duration=1.0)])
+    wave = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 7.0}), 50.0)
+    fit = replace(refined(asked, whitening(asked), [wave], blocks(asked.evidence)), rows={wave.key: wave.row})
+    assert in_one_turn(fit).rows[wave.key].values["phase"] == pytest.approx(7.0 - 2.0 * np.pi)
