@@ -43,7 +43,7 @@ from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
 from .problem import problem
 from .refine import BEARING, Refined, in_one_turn, refined
-from .resimulate import mode_of, residuals, resimulated
+from .resimulate import residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .unseen import NOTHING, OTHER_FORM, in_parts, splits
@@ -146,10 +146,8 @@ class _Diagnosing:
         state = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        # where all noise is in accelerations its bands tell what a channel's mean square hides
-        by_bands = all(mode_of(run) == "unknown" for run in ready)
         loud = before.chance < LEVEL and fitted.chance < HARDLY
-        looking = numerical == "none" and (shows_in_band(state.left, blocks(seen.evidence)) if by_bands else loud)
+        looking = numerical == "none" and (shows_in_band(state.left, blocks(seen.evidence)) if judge.by_bands else loud)
         state, held = self._found(state, judge, looking=looking)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
@@ -157,8 +155,8 @@ class _Diagnosing:
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
             names = [named[item.key] for item in held.found]
         experiment = self._next(state, held.found, names)
-        seen_too = (shows_in_band if by_bands else shows)(whiten(whole.residual({})), blocks(whole.evidence))
-        if not (held.found or before.is_noise or seen_too or by_bands):
+        seen_too = (shows_in_band if judge.by_bands else shows)(whiten(whole.residual({})), blocks(whole.evidence))
+        if not (held.found or before.is_noise or seen_too or judge.by_bands):
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain

@@ -25,7 +25,7 @@ from .nuisances import Whitening
 from .polish import polished
 from .problem import Problem
 from .refine import Refined, refined, vanished
-from .resimulate import residuals, resimulated
+from .resimulate import mode_of, residuals, resimulated
 from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
 
@@ -58,6 +58,7 @@ class Held:
         overlays: Its curves.
         after: The gap that is left; None where nothing was found.
         numbers: Every split's fit with numbers from simulation, where it was by these that the findings hold; else ().
+        by_bands: Nothing but the measured motion was simulated, so that bands know more than mean squares.
     """
 
     found: tuple[Found, ...]
@@ -68,6 +69,7 @@ class Held:
     overlays: tuple[Overlay, ...]
     after: Gap | None
     numbers: tuple[Refined, ...] = ()
+    by_bands: bool = False
 
     @property
     def by(self) -> float:
@@ -77,13 +79,20 @@ class Held:
     @property
     def explains(self) -> bool:
         """Whether what is left is no more than noise."""
-        return self.after is not None and self.after.is_noise
+        return self.after is not None and self.after.is_noise and not self._hidden
+
+    @property
+    def _hidden(self) -> bool:
+        """Whether what is left stands out in a band of what a mean square takes for noise."""
+        return self.by_bands and self.unseen.stands_out and self.after is not None and self.after.is_noise
 
     @property
     def open(self) -> float:
         """Part of the gap's energy that is left; 0 where that is noise, 1 where nobody knows."""
         if self.explains:
             return 0.0
+        if self._hidden:
+            return self.unseen.open
         by = self.how_far.shrinks_by
         return 1.0 if not self.found or by is None else min(1.0, (1.0 - by) ** 2)
 
@@ -123,6 +132,11 @@ class Judge:
     ways: Sequence[Split]
     runs: Sequence[Run]
 
+    @property
+    def by_bands(self) -> bool:
+        """Whether nothing but the measured motion is simulated: all noise is in accelerations."""
+        return all(mode_of(run) == "unknown" for run in self.runs)
+
     def held(self, findings: Sequence[Found]) -> Held:
         """What of findings holds, in evidence and in simulation."""
         found, unseen, dropped = self._kept(findings)
@@ -149,7 +163,7 @@ class Judge:
             dropped, numbers = (*dropped, *more), ()
             how_far, overlays, after = self._how_far(found, unseen)
         numbers = numbers if found and unseen.rows == _rows(found, numbers) else ()
-        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers)
+        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
 
     def closer(self, held: Held) -> tuple[list[Refined], Held]:
         """Every split's fit with numbers from simulation and what holds so; none where the gap shrinks less by them.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow
 from ..recording import Run
 from .fit import Part, blocks, gained, spread
+from .gap import shows_in_band
 from .nuisances import Whitening
 from .problem import FAR, Problem
 from .refine import Refined, left_with, refined, removal
@@ -51,12 +52,16 @@ class Unseen:
         shares: What part of a channel's gap each takes away there, of the channel of which it takes most; 1 where it is
             what closes one.
         rows: For each split, the rows that were fitted without its unseen runs.
+        open: Part of the gap's energy along the motion, above noise, that all findings leave there.
+        stands_out: Whether a band of what they leave there is far above noise.
     """
 
     gains: tuple[float, ...]
     moves: tuple[float, ...]
     shares: tuple[float, ...]
     rows: tuple[tuple[EffectRow, ...], ...]
+    open: float = 1.0
+    stands_out: bool = False
 
 
 def splits(count: int, held_out: int) -> tuple[Split, ...]:
@@ -98,6 +103,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     moves = np.zeros(len(found))
     shares = np.zeros(len(found))
     rows: list[tuple[EffectRow, ...]] = []
+    loud, still, stands_out = 0.0, 0.0, False
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
         fit = seen.fit(found)
@@ -106,6 +112,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         left = unseen.left(whole)
         sigma = spread(left, unseen.parts)
         nothing = unseen.left([])
+        loud, still = (total + float(one @ one) - len(one) for total, one in ((loud, nothing), (still, left)))
+        stands_out = stands_out or shows_in_band(left, unseen.parts)
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
             rest = nothing
@@ -120,7 +128,10 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             gains[k] += gained(rest, left, sigma, unseen.parts)
             closes = _closes(rest, left, unseen.parts)
             shares[k] = max(shares[k], 1.0 if closes else _share(nothing, rest, left, unseen.parts))
-    return Unseen(tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows))
+    part = min(1.0, max(0.0, still / loud)) if loud > 0.0 else 1.0
+    return Unseen(
+        tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows), part, stands_out
+    )
 
 
 @dataclass(frozen=True, slots=True)
