@@ -35,7 +35,7 @@ from .diagnosis import (
 from .experiment import Experiment, design
 from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
-from .held import HELPS, UNREAL, Held, Judge
+from .held import HARMS, HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor
 from .nuisances import whitening
@@ -230,7 +230,7 @@ class _Diagnosing:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
         fit, names = self._names(state, held.found)
         names, better = judge.told_apart(held.found, names)
-        if better is not None and (again := judge.held(better)).by > held.by:
+        if better is not None and (again := judge.held(better)).by > held.by - HARMS:
             held = again
             fit, names = self._names(state, held.found)
             names, _ = judge.told_apart(held.found, names)

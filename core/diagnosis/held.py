@@ -230,6 +230,11 @@ class Judge:
             )
             if short[0].nats > ALIKE and short[0].share > ALIKE_SHARE:
                 best[k] = min(zip(options, short, strict=True), key=lambda pair: pair[1].nats)[0]
+            if best[k].effect != "payload":
+                # of two names of one body the load's: more hangs at a hand than is wrong with its arm
+                loads = [one.found for one in others if one.one_body and one.found.effect == "payload"]
+                far = {id(one): less.nats for one, less in zip(options, short, strict=True)}
+                best[k] = next((load for load in loads if far[id(load)] - far[id(best[k])] < ALIKE), best[k])
             kept.append(
                 tuple(
                     one
@@ -264,6 +269,9 @@ class Judge:
                 continue
             # without what gives nothing could move before a clamped output
             needed = trusted | {item.key for item in kept if gives_alone(self.whole, kept, item)}
+            if not self.by_bands:
+                # along a motion a delay is hardly told from stamps; what it does to a loop, simulation knows
+                needed |= {item.key for item in kept if item.effect == "delay"}
             gains = [math.inf if item.key in needed else gain for item, gain in zip(kept, unseen.gains, strict=True)]
             worst = min(range(len(kept)), key=lambda k: gains[k])
             if gains[worst] >= EARNS:

@@ -11,7 +11,9 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import refine
+from mbexport.core.diagnosis.alike import Alike
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
+from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
@@ -27,6 +29,7 @@ from mbexport.core.diagnosis.search import (
     search,
     without_bodies,
 )
+from mbexport.core.diagnosis.unseen import splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
@@ -296,6 +299,24 @@ def test_the_extra_mass_of_an_arm_is_near_the_arm():
     near, far = (float(np.sum(np.square(plain.apart(np.array([0.5, 0.5 * x, 0.0, 0.0]))))) for x in (0.05, 3.0))
     assert near < 1.0
     assert far > 50.0
+
+
+def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monkeypatch):
+    """Where it was found as that arm's extra mass; an arm that is lighter than it is said to be is no load."""
+    for mass, name in ((0.1, "payload"), (-0.1, "link_inertia")):
+        monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + mass * 0.3**2)
+        runs = [
+            pendulum_run(seed=seed, against=lambda t, q, dq, m=mass: m * 9.81 * 0.3 * math.sin(q)) for seed in (1, 2)
+        ]
+        asked = problem(load("pendulum"), "rigid", runs)
+        whiten = whitening(asked)
+        judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whiten, splits(2, 0), runs)
+        none = dict.fromkeys(COLUMNS, 0.0)
+        arm = Found("link_inertia", 1, EffectRow(1, none | {"mass": mass, "mx": -0.2 * mass}), 50.0)
+        hung = dict.fromkeys(("x", "y", "z", *COLUMNS[4:]), 0.0) | {"mass": 0.1, "x": -0.2}
+        twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
+        _, better = judge.told_apart([arm], [(twin,)])
+        assert [item.effect for item in better or [arm]] == [name]
 
 
 def test_numbers_that_no_run_shows_are_not_said_to_be_known():
