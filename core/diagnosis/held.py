@@ -26,7 +26,7 @@ from .polish import polished
 from .problem import Problem
 from .refine import Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
-from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, gives_alone, rows_of, without_bodies
+from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, at_points, gives_alone, rows_of, without_bodies
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
 
 Vector = NDArray[np.float64]
@@ -263,6 +263,9 @@ class Judge:
                     self.whole, [replace(item, row=row) for item, row in zip(kept, rows, strict=True)]
                 )
             }
+            if (points := at_points(self.whole, kept, unreal)) is not None:
+                kept = points
+                continue
             if unreal:
                 dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]
                 kept = [item for item in kept if item.key not in unreal]

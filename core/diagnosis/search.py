@@ -222,11 +222,11 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
         fit = refined(problem, whiten, trial, parts)
         fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
         unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
-        if unreal and (whole := _embodied(problem, fitted, unreal)) is not None:
-            # a mass has moments of inertia where it is
-            fit = refined(problem, whiten, whole, parts)
-            trial, fitted = whole, [replace(item, row=fit.rows[item.key]) for item in whole]
-            unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
+        for bodies in (_embodied, at_points):
+            if unreal and (other := bodies(problem, fitted, unreal)) is not None:
+                fit = refined(problem, whiten, other, parts)
+                trial, fitted = other, [replace(item, row=fit.rows[item.key]) for item in other]
+                unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
         if unreal:
             # what cannot exist is not there, and what never slips is a spring; the others try again
             state.banned |= unreal
@@ -309,7 +309,7 @@ def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, i
 
 
 def _embodied(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
-    """Findings with extra masses at points where without moments of inertia they are no bodies; None: no such."""
+    """Findings with moments of inertia for masses at points that are no bodies without them; None: no such."""
 
     def thin(item: Found) -> bool:
         values = item.row.values
@@ -321,6 +321,22 @@ def _embodied(problem: Problem, found: Sequence[Found], unreal: Collection[tuple
         return replace(item, row=EffectRow(item.at, values))
 
     return [whole(item) if thin(item) else item for item in found] if any(map(thin, found)) else None
+
+
+def at_points(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
+    """Findings with masses that are no bodies put at points: moments that runs hardly show must not cost them.
+
+    None where there are no such moments.
+    """
+
+    def spread_out(item: Found) -> bool:
+        heavy = item.effect in ("link_inertia", "payload")
+        return item.key in unreal and heavy and any(item.row.values[name] for name in TENSOR)
+
+    def point(item: Found) -> Found:
+        return replace(item, row=EffectRow(item.at, {**item.row.values, **dict.fromkeys(TENSOR, 0.0)}))
+
+    return [point(item) if spread_out(item) else item for item in found] if any(map(spread_out, found)) else None
 
 
 def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:

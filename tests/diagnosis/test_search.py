@@ -319,6 +319,18 @@ def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monk
         assert [item.effect for item in better or [arm]] == [name]
 
 
+def test_moments_that_no_body_has_do_not_cost_the_mass(monkeypatch):
+    monkeypatch.setattr(
+        "mbexport.core.diagnosis.held.without_bodies", lambda _, found: {f.key for f in found if f.row.values["Ixx"]}
+    )
+    runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.5 * math.sin(q)) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+    values = dict.fromkeys(("y", "z", *COLUMNS[4:]), 0.0) | {"mass": 0.1, "x": 0.0, "Ixx": -1e-3}
+    (load_there,) = judge.held([Found("payload", 0, EffectRow(0, values), 50.0)]).found
+    assert load_there.row.values["Ixx"] == 0.0
+
+
 def test_numbers_that_no_run_shows_are_not_said_to_be_known():
     """Where a pendulum's load is along its axis, and how thick it is across."""
     asked = question(lambda t, q, dq: 0.4 * math.sin(q))
