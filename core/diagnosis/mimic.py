@@ -56,7 +56,7 @@ class Model:
         self._slope: Vector | None = None
 
     def _at(self, x: Vector) -> Vector:
-        """Measured minus said with these numbers, in units of noise."""
+        """Measured minus said with these numbers, in units of noise; far off where there can be no such robot."""
         changed: dict[tuple[str, int], dict[str, float]] = {}
         for number, value in zip(self._numbers, (x * self._size).tolist(), strict=True):
             item = number.item
@@ -64,7 +64,7 @@ class Model:
         rows = self._rows
         for (effect, place), values in changed.items():
             rows = merged(rows, {effect: (EffectRow(place, values),)})
-        return self._asked.residual(rows)
+        return self._asked.misfit(rows)
 
     def _slopes(self, x: Vector, here: Vector) -> Vector:
         columns: list[Vector] = []
@@ -103,7 +103,7 @@ class Model:
             for part in (1.0, 0.5):
                 tried = np.clip(x + part * step, self._low, self._high)
                 there = self._at(tried)
-                now = float(np.sum(self._whiten(there - said) ** 2)) if np.isfinite(there).all() else math.inf
+                now = float(np.sum(self._whiten(there - said) ** 2))
                 if now < cost:
                     x, here, best, cost = tried, there, there - said, now
                     break

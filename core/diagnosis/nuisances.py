@@ -23,7 +23,7 @@ Vector = NDArray[np.float64]
 # one standard deviation of how long a torque is held, in ticks: another integrator's half is three of them, and a drive
 # that is a whole tick late is not to be taken for it
 HOLD = 0.15
-_NAMES = {"hold": "hold of the torque"}
+_NAMES = {"hold": "hold of the torque", "speed": "tick of the controller's speed"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,11 +140,13 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
     """Stamps of the torque, the tool's pose or the command that are one sample off the motion's, and the hold.
 
     The hold: whether a torque acts from its tick on, half a tick later or earlier, as other integrators have it.
-    Whether a controller's speed is the tick's own or a difference of positions was asked in simulation before.
+    The controller's speed: whether it is its tick's, or that half a tick ago, as differences of positions are; of one
+    joint alone that looks like a rotor, and was asked in simulation before.
     """
     evidence = problem.evidence
     spoken = problem.spoken({})
-    for signal in ("tau", "tau_link", "q_link", "ee", "command", "hold"):
+    several = problem.database.n > 1
+    for signal in ("tau", "tau_link", "q_link", "ee", "command", "hold", "speed"):
         parts: list[dict[str, list[Vector]]] = []
         for number, run in enumerate(evidence.runs):
             sample = 1.0 / run.run.rate
@@ -161,6 +163,9 @@ def _shifts(problem: Problem) -> Iterator[tuple[str, Vector]]:
                 for name in ("tau", "u"):
                     if name in change and run.run.control.mode in ("pd", "torque"):
                         change[name] = rate * HOLD / run.run.control.rate
+            elif signal == "speed":
+                if run.run.control.mode == "pd" and "u" in change and several:
+                    change["u"] = np.array(run.run.control.kd) * run.ddq * 0.5 / run.run.control.rate
             elif signal in run.measured:
                 rate = np.gradient(run.measured[signal], run.h, axis=0)
                 if signal in change:

@@ -15,9 +15,10 @@ from mbexport.core.diagnosis.alike import Alike
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
+from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
-from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.problem import FAR, problem
 from mbexport.core.diagnosis.refine import left_with, refined, removal, stiffened, vanished
 from mbexport.core.diagnosis.search import (
     Contender,
@@ -317,6 +318,14 @@ def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monk
         twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
         _, better = judge.told_apart([arm], [(twin,)])
         assert [item.effect for item in better or [arm]] == [name]
+
+
+def test_a_robot_that_cannot_be_mimics_nothing():
+    """Its friction could not be given a stiffness to stick with."""
+    asked = question()
+    rubs = {"coulomb_friction": (EffectRow(1, {"torque": 0.1}),)}
+    light = Found("link_inertia", 1, EffectRow(1, dict.fromkeys(COLUMNS, 0.0) | {"Izz": -10.0}), 50.0)
+    assert np.all(Model(asked, rubs, light, (), Sizes(asked), as_it_is).said == FAR)
 
 
 def test_moments_that_no_body_has_do_not_cost_the_mass(monkeypatch):
