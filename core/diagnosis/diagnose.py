@@ -375,7 +375,9 @@ def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Se
             value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
             parameters[name] = Parameter(value, (value - half, value + half), units[name])
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)
-    return Finding(item.effect, item.place, probability(item.gain, gain), parameters, rivals)
+    # along unseen motions a delay is hardly told from stamps: simulation judged it there
+    unseen = math.inf if item.effect == "delay" else gain
+    return Finding(item.effect, item.place, probability(item.gain, unseen), parameters, rivals)
 
 
 def probability(seen: float, unseen: float) -> float:

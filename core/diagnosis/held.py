@@ -249,14 +249,14 @@ class Judge:
 
     def _kept(self, found: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
         """The findings that help on runs that no fit saw; the worst of the others goes first."""
-        kept = list(found)
+        kept: list[Found] = list(found)
         dropped: list[Rejected] = []
         # what the held-out runs do not excite is judged by the others, each left out in turn
         trusted: set[tuple[str, int]] = set()
         while kept:
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(self.whole, self.whiten, kept, self.ways)
-            unreal = {
+            unreal: set[tuple[str, int]] = {
                 key
                 for rows in unseen.rows
                 for key in without_bodies(
