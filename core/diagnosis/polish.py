@@ -75,30 +75,27 @@ def polished(
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
-    late = [k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"]
+    late = next((k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"), None)
+    rounds, parts = (ROUNDS, PARTS[:1]) if late is None and not far else (ROUNDS_FROM_AFAR, PARTS)
     try:
         before = cost(left(start), start)
-        for k in late:
+        if late is not None:
             tick = tick_of(problem)
-
-            def at(ticks: float, k: int = k, tick: float = tick) -> list[Vector]:
-                return left(_with(start, k, ticks * tick))
-
-            start[k] = tick * _right_tick(at, start[k] / tick, loose)
-            weight[k] = 1.0 / tick
+            ticks = _right_tick(lambda at: loose.energy(left(_with(start, late, tick * at))), start[late] / tick)
+            start, weight = _with(start, late, tick * ticks), _with(weight, late, 1.0 / tick)
         # what is recorded jumps where a delay is a whole number of ticks
         within = [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)]
         limits: Vector = np.array(within, dtype=float)
         x, now = start, left(start)
         slopes: list[Vector] = []
-        for _ in range(ROUNDS_FROM_AFAR if far or late else ROUNDS):
+        for _ in range(rounds):
             slopes = _slopes(left, now, x, step, limits)
             normal, gradient = np.diag(weight**2), weight**2 * (x - start)
             for part, slope, beside in zip(now, slopes, loose.without(slopes), strict=True):
                 normal = normal + np.einsum("mck,mcl->kl", slope, beside)
                 gradient = gradient + np.einsum("mck,mc->k", beside, part)
             way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
-            better = _better(left, cost, cost(now, x), x, way, limits, PARTS if far or late else PARTS[:1])
+            better = _better(left, cost, cost(now, x), x, way, limits, parts)
             if better is None:
                 break
             x, now = better
@@ -110,18 +107,14 @@ def polished(
     return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
 
 
-def _right_tick(left: Callable[[float], list[Vector]], ticks: float, loose: _Loose) -> float:
-    """The middle of the tick in which simulation likes a delay best, from that where it is on, all in ticks."""
-
-    @cache
-    def energy(number: int) -> float:
-        return loose.energy(left(number + 0.5))
-
-    here = math.floor(ticks)
-    for way in (1, -1):
-        while 0 <= here + way <= ticks + MOST_TICKS and energy(here + way) < energy(here):
+def _right_tick(energy: Callable[[float], float], ticks: float) -> float:
+    """The middle of the tick that leaves least energy of a delay, from that where it is on, all in ticks."""
+    energy = cache(energy)
+    here = math.floor(ticks) + 0.5
+    for way in (1.0, -1.0):
+        while 0.0 < here + way <= ticks + MOST_TICKS and energy(here + way) < energy(here):
             here += way
-    return here + 0.5
+    return here
 
 
 def _with(x: Vector, k: int, value: float) -> Vector:
