@@ -20,7 +20,8 @@ class MotionTable(NamedTuple):
 def motion_at(t: float, table: MotionTable, q: Any, dq: Any, ddq: Any) -> None:
     """Position, speed and acceleration at time t [s] into q, dq, ddq, shape (n,); at rest outside of the knots."""
     last = len(table.knots) - 1
-    outside = t < table.knots[0] or t > table.knots[last]
+    # rounding may put a time this far beyond the end that it is on
+    outside = t < table.knots[0] - 1.0e-9 or t > table.knots[last] + 1.0e-9
     low = 0
     high = last
     while high - low > 1:

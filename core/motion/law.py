@@ -17,6 +17,9 @@ from .evaluate import MotionTable
 
 Array = NDArray[np.float64]
 
+# what rounding does to a time [s]
+INSTANT = 1.0e-9
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionLaw:
@@ -24,7 +27,7 @@ class MotionLaw:
 
     The law is what its table makes it: Akima pieces join with continuous speed only, cubic Hermite pieces too, quintic
     Hermite pieces with continuous acceleration. At a knot the piece after it counts. A law that does not end at rest
-    stops at once.
+    stops at once; a time that rounding puts beyond an end is on it.
 
     Attributes:
         knots: Times between which the law is one polynomial [s], growing, shape (m + 1,).
@@ -66,7 +69,7 @@ class MotionLaw:
             bend = bend * x + slope
             slope = slope * x + value
             value = value * x + power[piece]
-        moving = (t == inside)[..., None]
+        moving = (np.abs(t - inside) <= INSTANT)[..., None]
         return value, np.where(moving, slope, 0.0), np.where(moving, 2.0 * bend, 0.0)
 
     def shifted(self, offsets: ArrayLike) -> MotionLaw:

@@ -46,6 +46,19 @@ def test_knots_are_kept() -> None:
             assert np.allclose(got[-1], want[-1], rtol=1e-12, atol=1e-12)
 
 
+def test_the_last_instant_is_no_rest_though_rounding_puts_it_behind_the_end() -> None:
+    """A log that begins at 2.668 s and ends at 4 s lasts 1.3319999999999999 s for a clock that ticks at 1.332 s."""
+    end = T[-1]
+    for law in (LAWS["cubic"], LAWS["quintic"]):
+        q, dq, ddq = (np.empty(3) for _ in range(3))
+        motion_at(end + 2e-16 * end, law.table(), q, dq, ddq)
+        assert np.allclose(dq, DQ[-1])
+        assert np.allclose(law.at(end + 2e-16 * end)[1], DQ[-1])
+        motion_at(end + 1e-6, law.table(), q, dq, ddq)
+        assert not dq.any()
+        assert not law.at(end + 1e-6)[1].any()
+
+
 def test_continuity_is_what_the_table_gives() -> None:
     eps = 1e-12
     for name, smooth in (("akima", 1), ("cubic", 1), ("quintic", 2)):
