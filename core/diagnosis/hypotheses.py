@@ -156,7 +156,7 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         np.maximum(torque, 1e-6),
         np.maximum(speed, 1e-6),
         np.maximum(acceleration, 1e-6),
-        np.maximum(np.ptp(q, axis=0), 1e-6),
+        np.maximum(problem.way(), 1e-6),
         np.maximum(inertia, 1e-9),
         left,
         turned,
@@ -545,7 +545,7 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     band = min(run.band for run in problem.evidence.runs)
     highest = min(MOST_CYCLES[problem.database.joints[i].kind], 2.0 * np.pi * band / max(0.3 * fastest, 1e-9))
     finest = max(FINEST_CYCLES, 0.5 * np.pi / way)
-    lowest = max(0.5, 2.0 * np.pi / way)
+    lowest = problem.fewest_cycles(at)
     if highest <= lowest:
         return []
     grid = np.arange(lowest, highest, finest)

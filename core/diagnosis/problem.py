@@ -22,6 +22,8 @@ from .model import Rows, level_rows, merged
 Vector = NDArray[np.float64]
 # what a robot leaves that cannot be, in units of noise
 FAR = 1.0e3
+# a wave longer than two turns is none
+LEAST_CYCLES = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +75,14 @@ class Problem:
         """The same question put to some of the runs, in their old order."""
         bodies = tuple(self.bodies[k] for k in sorted(chosen))
         return replace(self, bodies=bodies, evidence=self.evidence.only(chosen))
+
+    def way(self) -> Vector:
+        """The range of every joint's position over all runs [rad or m], shape (n,)."""
+        return np.ptp(np.concatenate([run.q for run in self.evidence.runs]), axis=0)
+
+    def fewest_cycles(self, at: int) -> float:
+        """Of a joint's wave, a turn: it goes through all of itself on the joint's way, or it is but a bend."""
+        return max(LEAST_CYCLES, 2.0 * np.pi / max(float(self.way()[at - 1]), 1e-6))
 
     def impossible(self, rows: Rows) -> tuple[str, ...]:
         """Why arms of the robot with these rows are no bodies, "" for those that are or never were."""

@@ -335,6 +335,9 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
     if (effect, name) in _FACTORS:
         # what is said of a drive is of its order
         low, high = 1.0 / MOST_TIMES, MOST_TIMES
+    if name == "cycles":
+        # what only bends over the whole way would take the place of every law of the position
+        low = problem.fewest_cycles(at)
     if (effect, name) == ("link_inertia", "mass"):
         # an arm has a mass
         low = max(low, -LIGHTEST * problem.database.inertias[at - 1].mass)

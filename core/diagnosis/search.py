@@ -344,7 +344,7 @@ def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, 
     loops = [item for item in found if item.effect == "hysteresis"]
     if not loops:
         return set()
-    way = np.ptp(np.concatenate([run.q for run in problem.evidence.runs]), axis=0)
+    way = problem.way()
     numbers = {item.key: item.row.values for item in loops}
     return {key for key, row in numbers.items() if row["torque"] > row["stiffness"] * float(way[key[1] - 1])}
 

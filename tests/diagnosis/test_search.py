@@ -19,7 +19,7 @@ from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import FAR, problem
-from mbexport.core.diagnosis.refine import left_with, refined, removal, stiffened, vanished
+from mbexport.core.diagnosis.refine import bounds_of, left_with, refined, removal, stiffened, vanished
 from mbexport.core.diagnosis.search import (
     Contender,
     Found,
@@ -182,6 +182,15 @@ def test_the_cycles_of_a_gear_are_read_where_its_output_was_measured():
     asked = problem(load("pendulum"), "rigid", runs)
     cycles = [row(h)["cycles"] for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "transmission_error"]
     assert min(abs(one - 30.0) for one in cycles) < 0.5
+
+
+def test_a_wave_goes_through_all_of_itself():
+    """One that only bends over the whole way would take the place of a spring, and of every law of the position."""
+    asked = question(lambda t, q, dq: 0.5 * (q - 0.4) * (1.0 + 0.3 * (q - 0.4) ** 2))
+    fewest = bounds_of(asked, "torque_ripple", 1, "cycles")[0]
+    assert fewest == pytest.approx(2.0 * np.pi / asked.way()[0])
+    state, _ = found(asked)
+    assert state.found[0].effect == "joint_spring"
 
 
 def test_a_screw_has_many_cycles_a_metre():
