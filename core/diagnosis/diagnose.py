@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..database import Database, with_effects
 from ..effects import effect_named
-from ..errors import RefusedError
+from ..errors import RefusedError, RunFileError
 from ..recording import Run, known_together
 from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
@@ -59,18 +59,31 @@ NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
     "that is what holds, stamps, tolerances and noise in the loop do, and no physics."
 )
+ALL_STAND = (
+    "Every joint stands all the time, and its friction may bear any load: nothing but the standing positions can be "
+    "compared. Record a run in which the joints move."
+)
 # runs that a perfect model would leave so with such a chance show nothing to look for
 HARDLY = 0.05
 UNSEEN = (
     "The gap stands in the held-out runs alone: the others show no more than noise, and no fit could see its cause. "
     "Hold another run out, or record one more that moves alike."
 )
+SEEN_APART = (
+    "The gap stands in the held-out runs alone: the others show no more than noise. So the held-out runs were cut in "
+    "time and fitted too, each part judged by fits that had not seen it. Hold out a run that moves like one that is "
+    "fitted to have the answer confirmed."
+)
+# part of the gap's energy that a name may leave which no run of its own confirms
+UNDERSTOOD = 0.1
 RINGS = (
     "What rings near a joint for another reason, a mount under the base or a load that swings or sloshes, shows nearly "
     "the same as a bearing that gives, and is in no catalogue: look there before the bearing is taken apart."
 )
 # how often evidence beyond doubt is of something else: in 4 of 63 findings on the set of the blind bank for tuning
 ELSEWHERE = 0.06
+# of a run that can be compared
+FEWEST_ROWS, SHORTEST = 50, 0.5
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 
@@ -98,14 +111,25 @@ def diagnose(
 
     Raises:
         UsageError: There is no such level or backend.
+        RunFileError: A run is too short to compare.
         RefusedError: The backend cannot run the robot.
     """
     engine = backend_named(backend)
     others = backend_names() if backends is None else tuple(backends)
     engines = [name for name in others if backend_named(name).runs] if backends is None else list(others)
     level_rows(database, level)
+    for run in (*runs, *holdout):
+        _long_enough(run)
     with _telling(progress) as tell:
         return _Diagnosing(database, level, engine.name, engines, tell).of(runs, holdout)
+
+
+def _long_enough(run: Run) -> None:
+    if len(run.t) < FEWEST_ROWS or run.duration < SHORTEST:
+        raise RunFileError(
+            f"run {run.name}: {len(run.t)} rows over {run.duration:.3g} s are too few to tell a gap; "
+            f"there must be at least {FEWEST_ROWS} rows and {SHORTEST:g} s."
+        )
 
 
 @contextmanager
@@ -132,7 +156,18 @@ class _Diagnosing:
     tell: Tell
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
-        """The answer."""
+        """The answer; of the held-out runs in parts where these alone show the gap."""
+        answer = self._of(runs, holdout)
+        if UNSEEN not in answer.notes:
+            return answer
+        apart = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
+        if not apart.which or apart.unexplained.share > UNDERSTOOD:
+            return answer
+        names = tuple(run.name for run in (*runs, *holdout))
+        return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, SEEN_APART))
+
+    def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
+        """The answer of runs as they are given."""
         given = known_together([*runs, *holdout])
         notes: list[str] = []
         ready, before, numerical = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
@@ -147,16 +182,21 @@ class _Diagnosing:
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
         loud = before.chance < LEVEL and fitted.chance < HARDLY
-        looking = numerical == "none" and (shows_in_band(state.left, blocks(seen.evidence)) if judge.by_bands else loud)
-        state, held = self._found(state, judge, looking=looking)
+        if judge.by_bands:
+            loud = shows_in_band(state.left, blocks(seen.evidence))
+        state, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
             names = [named[item.key] for item in held.found]
         experiment = self._next(state, held.found, names)
-        seen_too = (shows_in_band if judge.by_bands else shows)(whiten(whole.residual({})), blocks(whole.evidence))
-        if not (held.found or before.is_noise or seen_too or judge.by_bands):
+        seen_too = not len(whole.evidence.weights) or (shows_in_band if judge.by_bands else shows)(
+            whiten(whole.residual({})), blocks(whole.evidence)
+        )
+        if not len(whole.evidence.weights):
+            notes.append(ALL_STAND)
+        elif not (held.found or before.is_noise or seen_too or judge.by_bands):
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain

@@ -31,6 +31,8 @@ CREEP = 0.01
 # a joint that stands for so long rests [s]
 REST = 0.05
 SEED = 20131115
+# where every joint stands and its friction may bear anything, nothing can be compared along the motion
+NONE: Vector = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ class Evidence:
 
     def weighed(self, raw: Sequence[Mapping[str, Sequence[Vector]]]) -> Vector:
         """Coefficients of every run's signals in units of noise, shape (N,)."""
-        return np.concatenate([self._unmixed(raw[c.run], c) for c in self.channels]) * self.weights
+        return np.concatenate([NONE, *(self._unmixed(raw[c.run], c) for c in self.channels)]) * self.weights
 
     def _unmixed(self, raw: Mapping[str, Sequence[Vector]], channel: Channel) -> Vector:
         values = raw[channel.signal][channel.index]
@@ -187,7 +189,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
         ready,
         tuple(nominals),
         tuple(channels),
-        np.concatenate(weights),
+        np.concatenate([NONE, *weights]),
         tuple(masks),
         creeps,
         tuple(mixes),

@@ -292,7 +292,7 @@ class Judge:
                 dropped.append(Rejected(item.effect, item.place, CRUMB))
                 continue
             still = unseen.moves[worst] < NOTHING
-            if still and self._in_turn(kept)[worst] >= EARNS:
+            if still and gains[worst] >= 0.0 and self._in_turn(kept)[worst] >= EARNS:
                 trusted.add(kept[worst].key)
                 continue
             item = kept.pop(worst)

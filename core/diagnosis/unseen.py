@@ -20,7 +20,7 @@ from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 
-# one run is cut into so many parts, each at least this long [s]
+# one run is cut into so many parts, more than two each at least this long [s]
 PARTS, SHORTEST_PART = 3, 1.0
 # more runs are left out several at a time
 MOST_FOLDS = 4
@@ -73,10 +73,8 @@ def splits(count: int, held_out: int) -> tuple[Split, ...]:
 
 
 def in_parts(run: Run) -> tuple[Run, ...]:
-    """A run cut in time, each part with stamps from 0; the run itself where it is too short for two."""
-    count = min(PARTS, int(run.duration / SHORTEST_PART))
-    if count < 2:
-        return (run,)
+    """A run cut in time, in two parts at least, each with stamps from 0."""
+    count = max(2, min(PARTS, int(run.duration / SHORTEST_PART)))
     edges = np.linspace(0, len(run.t), count + 1).astype(int)
     return tuple(
         replace(

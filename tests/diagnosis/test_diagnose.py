@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import mbexport
+from mbexport.core.control import Control
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnosis import HowFar
 from mbexport.core.diagnosis.held import _idle
 from mbexport.core.diagnosis.search import Found
 from mbexport.core.diagnosis.unseen import in_parts, splits
 from mbexport.core.effects import EffectRow
+from mbexport.core.errors import RunFileError
 
 from .pendulums import pendulum_run
 
@@ -63,13 +65,53 @@ def test_what_is_in_no_catalogue_is_not_explained():
     assert answer.unexplained.share > 0.3
 
 
-def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one(monkeypatch):
-    """And nothing is looked for where the fitted runs show only noise."""
-    monkeypatch.setattr(diagnose, "search", lambda *_: pytest.fail("searched"))
+def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one():
+    """And no cause is named that the other runs do not have."""
     seen, (rubs,) = runs(), runs(lambda t, q, dq: 0.4 * dq, seeds=(3,))
     answer = mbexport.diagnose("pendulum", seen, [rubs], level="rigid", backends=[])
     assert (answer.verdict, answer.which) == ("unexplained", ())
+    assert answer.holdout == (rubs.name,)
     assert any("held-out runs alone" in note for note in answer.notes)
+
+
+def test_what_the_fitted_run_does_not_show_is_found_in_parts_of_the_held_out_one():
+    answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
+    (found,) = answer.which
+    low, high = found.parameters["coefficient"].ci95
+    assert (found.effect, low < 0.4 < high) == ("viscous_friction", True)
+    assert len(answer.runs) == 2
+    assert answer.holdout == ()
+    assert any("fitted too" in note for note in answer.notes)
+
+
+def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypatch):
+    whole = diagnose._Diagnosing._of
+
+    def half(self, seen, holdout):
+        answer = whole(self, seen, holdout)
+        return replace(answer, unexplained=replace(answer.unexplained, share=0.2))
+
+    monkeypatch.setattr(diagnose._Diagnosing, "_of", half)
+    answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("unexplained", ())
+
+
+def noisy_and_quiet():
+    """A run whose sensors drown friction, and one whose do not."""
+    (quiet,) = runs(lambda t, q, dq: 0.4 * dq, seeds=(2,))
+    return runs(lambda t, q, dq: 0.4 * dq, seeds=(1,), noise={"q": 0.03, "tau": 20.0}), [quiet]
+
+
+def test_a_short_run_is_judged_in_parts_too():
+    (found,) = mbexport.diagnose(
+        "pendulum", runs(lambda t, q, dq: 0.4 * dq, seeds=(1,), duration=1.2), level="rigid", backends=[]
+    ).which
+    assert found.effect == "viscous_friction"
+
+
+def test_a_run_too_short_to_compare_is_refused_by_its_name():
+    with pytest.raises(RunFileError, match=r"run .*: 16 rows over 0\.06 s .* at least 50 rows and 0\.5 s"):
+        mbexport.diagnose("pendulum", runs(seeds=(1,), duration=0.06), level="rigid", backends=[])
 
 
 def test_a_torque_below_the_noise_of_accelerations_is_found_where_it_is():
@@ -94,6 +136,26 @@ def test_what_is_left_below_the_noise_of_accelerations_is_open():
 def loud(against=None, torque=0.01):
     """Recorded motions with loud positions; nothing is known of a controller."""
     return runs(against, mode="unknown", noise={"q": 6e-4, "tau": torque})
+
+
+def test_a_robot_that_stands_and_sticks_leaves_nothing_to_compare():
+    """Its friction bears any load: where it stands is all that there is."""
+    random = np.random.default_rng(3)
+    pose = np.tile([0.0, 0.7, 3.0, 0.0, 0.5, 0.0], (500, 1))
+    control = Control("pd", kp=(2000.0,) * 6, kd=(100.0,) * 6)
+    stand = [
+        replace(
+            run,
+            t=np.arange(500) / 250.0,
+            signals={"q_cmd": pose, "q": pose + 1e-5 * random.normal(size=pose.shape)},
+            control=control,
+            noise={},
+        )
+        for run in runs()
+    ]
+    answer = mbexport.diagnose("puma560", stand, backends=[])
+    assert (answer.verdict, answer.which) == ("unexplained", ())
+    assert any("Every joint stands" in note for note in answer.notes)
 
 
 def test_one_run_is_judged_in_parts():
