@@ -42,7 +42,7 @@ from .nuisances import whitening
 from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
 from .problem import problem
-from .refine import BEARING, Refined, in_one_turn, refined
+from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
@@ -413,7 +413,8 @@ def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Se
         if fit.shown[k]:
             name = fit.free[k][2]
             value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
-            parameters[name] = Parameter(value, (value - half, value + half), units[name])
+            least, most = range_of(item.effect, name)
+            parameters[name] = Parameter(value, (max(value - half, least), min(value + half, most)), units[name])
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)
     # along unseen motions a delay is hardly told from stamps: simulation judged it there
     unseen = math.inf if item.effect == "delay" else gain

@@ -105,7 +105,7 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
     values = {place: dict(one.values) for place, one in fit.rows.items() if place != key}
     for k, step in zip(other, moved.tolist(), strict=True):
         effect, at, name = fit.free[k]
-        low, high = _range(effect, name)
+        low, high = range_of(effect, name)
         values[effect, at][name] = min(max(values[effect, at][name] + step, low), high)
     rows = {place: EffectRow(place[1], one) for place, one in values.items()}
     return Removal(0.5 * float(change @ weight), rows)
@@ -321,7 +321,7 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
 
     Along a motion, where a delay becomes another whole number of ticks, what is reported jumps.
     """
-    low, high = _range(effect, name)
+    low, high = range_of(effect, name)
     if effect == "delay" and start is not None:
         tick = tick_of(problem)
         number = np.floor(start / tick)
@@ -344,7 +344,8 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
     return (low, high)
 
 
-def _range(effect: str, name: str) -> tuple[float, float]:
+def range_of(effect: str, name: str) -> tuple[float, float]:
+    """Between what a number of an effect can be [SI]; a phase is free to turn."""
     column = next(c for c in effect_named(effect).columns if c.name == name)
     if column.name == "phase":
         return (-np.inf, np.inf)

@@ -12,6 +12,7 @@ from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import refine
 from mbexport.core.diagnosis.alike import Alike
+from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
@@ -360,6 +361,17 @@ def test_numbers_that_no_run_shows_are_not_said_to_be_known():
     shown = {name: there for (_, _, name), there in zip(fit.free, fit.shown, strict=True)}
     assert shown["mass"] and shown["x"]
     assert not shown["z"]
+
+
+def test_an_interval_ends_where_its_number_can():
+    """No friction drives its joint, however little of it the runs show."""
+    asked = question(lambda t, q, dq: 0.4 * dq)
+    friction = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+    fit = refined(asked, whitening(asked), [friction], blocks(asked.evidence))
+    hardly = replace(fit, covariance=1e8 * fit.covariance)
+    low, high = _finding(friction, "revolute", 50.0, hardly, ()).parameters["coefficient"].ci95
+    assert low == 0.0
+    assert high > 0.5
 
 
 def test_what_simulation_takes_to_nothing_has_vanished():
