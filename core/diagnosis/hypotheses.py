@@ -177,22 +177,14 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         for at in range(1, n + 1)
         if clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in GIVING)
     ]
-    twins = twins_of(problem)
     there = {(effect, row.at) for effect, found_rows in rows.items() for row in found_rows}
-    unseen = not any({"tau", "tau_link"} & run.measured.keys() for run in problem.evidence.runs)
     for name in catalogue():
         effect = effect_named(name)
         places = (0,) if effect.key == "robot" else range(1, n + 1)
         for at in places:
             if (name, at) in skip or not possible(problem, name, at):
                 continue
-            if (name, at) in twins and (twins - {(name, at)}) & there:
-                continue
-            if (
-                name in _SAME_UNSEEN
-                and unseen
-                and any(row.at == at for other in _SAME_UNSEEN for row in rows.get(other, ()))
-            ):
+            if (names_of_one(problem, name, at) - {(name, at)}) & there:
                 continue
             if effect.key == "joint" and at in stiff:
                 found += _giving(scales, name, at)
@@ -227,6 +219,15 @@ def _harmonic(wave: Hypothesis, rows: Rows, apart: float) -> bool:
 def twins_of(problem: Problem) -> set[tuple[str, int]]:
     """Two names of one body: what hangs at the last arm is a payload, or that arm's inertia."""
     return {("payload", 0), ("link_inertia", problem.database.n)}
+
+
+def names_of_one(problem: Problem, name: str, at: int) -> set[tuple[str, int]]:
+    """The names, each at its place, of which one says all that this one does on these runs; itself among them."""
+    if (name, at) in (twins := twins_of(problem)):
+        return twins
+    if name in _SAME_UNSEEN and not any({"tau", "tau_link"} & run.measured.keys() for run in problem.evidence.runs):
+        return {(other, at) for other in _SAME_UNSEEN}
+    return {(name, at)}
 
 
 def possible(problem: Problem, name: str, at: int) -> bool:

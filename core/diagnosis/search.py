@@ -18,7 +18,19 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from .fit import Linear, Part, blocks, gained, linear, spread
-from .hypotheses import GIVING, STEP, TENSOR, Hypothesis, Scales, clamped, hypotheses, place_of, scales_of, twins_of
+from .hypotheses import (
+    GIVING,
+    STEP,
+    TENSOR,
+    Hypothesis,
+    Scales,
+    clamped,
+    hypotheses,
+    names_of_one,
+    place_of,
+    scales_of,
+    twins_of,
+)
 from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .plain import LEAST_MASS, at_a_point
@@ -355,16 +367,14 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
     left, basis = state.left, state.slope
     picked: list[Found] = []
     while len(picked) < room:
-        taken = {item.key for item in picked}
-        if taken & (twins := twins_of(state.problem)):
-            taken |= twins
+        taken = {key for item in picked for key in names_of_one(state.problem, *item.key)}
         ranking = ranked([fit for fit in fits if fit[0].key not in taken], left, parts, basis)
         if not state.first:
             state.first = ranking
         good = sorted((one for one in ranking if one.earns), key=lambda one: -one.worth)
         if not good:
             break
-        best = _likeliest(good, twins)
+        best = _likeliest(good, twins_of(state.problem))
         if any(one.hypothesis.curved for one in good if one.worth >= CLOSE * good[0].worth):
             if not picked:
                 winner = _tried(state, good, ranking, parts)

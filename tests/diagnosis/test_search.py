@@ -164,6 +164,23 @@ def test_a_controller_that_does_nothing_explains_nothing():
     assert asks(0.05) > 2.0 * asks(1.0)
 
 
+def test_without_torque_a_gain_and_a_motor_constant_are_not_both_named():
+    """Only their product shows: 1.33 times 0.68 is 0.9."""
+    runs = [pendulum_run(seed=seed) for seed in (1, 2)]
+    runs = [
+        replace(
+            run,
+            control=replace(run.control, kp=(KP / 0.9,), kd=(KD / 0.8,)),
+            signals={name: run.signals[name] for name in ("q", "q_cmd", "dq_cmd")},
+        )
+        for run in runs
+    ]
+    state, _ = found(problem(load("pendulum"), "rigid", runs))
+    (gain,) = state.found
+    assert gain.effect == "controller_gain"
+    assert gain.row.values == pytest.approx({"kp": 0.9, "kd": 0.8}, rel=1e-3)
+
+
 def test_the_second_harmonic_of_a_wave_is_no_second_cause():
     asked = question(lambda t, q, dq: 0.3 * math.sin(20.0 * q) + 0.15 * math.sin(40.0 * q))
     state, _ = found(asked)
