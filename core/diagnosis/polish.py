@@ -25,7 +25,7 @@ from .model import Rows, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, linear, residuals, resimulated
+from .resimulate import compared, linear, residuals, resimulated, steps_of
 
 Vector = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ Vector = NDArray[np.float64]
 ROUNDS, ROUNDS_FROM_AFAR = 1, 4
 # simulations that are worth it, a round, and where there may be many rounds
 MOST_SIMULATIONS, MOST_FROM_AFAR = 40, 25
+# steps of an engine that are, a round: a bearing that hardly gives would take minutes
+MOST_STEPS = 1.0e6
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
 LOOSE, LOOSER = 10.0, 100.0
 # of a step that overshoots
@@ -59,8 +61,11 @@ def polished(
     Returns:
         The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
     """
-    most = MOST_FROM_AFAR if far else MOST_SIMULATIONS
-    if not fit.free or (len(fit.free) + 2) * len(runs) > most or any(run.locked for run in runs):
+    most, each = MOST_FROM_AFAR if far else MOST_SIMULATIONS, len(fit.free) + 2
+    if not fit.free or each * len(runs) > most or any(run.locked for run in runs):
+        return None
+    robots = [robot_of(problem.database, level, run, tables(fit.rows)) for run in runs]
+    if each * sum(steps_of(robot, run, backend) for robot, run in zip(robots, runs, strict=True)) > MOST_STEPS:
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])

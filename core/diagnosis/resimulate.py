@@ -20,8 +20,9 @@ from ..motion import MotionLaw, from_table, hold
 from ..recording import Run
 from ..recording.run import MEASURED
 from ..representation import Robot
-from ..simulation import Backend, MachineState, Trace, simulate
+from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
+from ..simulation.step import choose_step, poses_of
 from .evidence import creep_of
 from .inverse import said
 from .prepare import Prepared, noise_in, prepared
@@ -106,6 +107,14 @@ def resimulated(
         return _simulated(robot, nominal, run, backend, law, control, None, step)
     start = start_of(robot, begun or run) if mode == "pd" else None
     return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
+
+
+def steps_of(robot: Robot, run: Run, backend: str) -> float:
+    """How many steps an engine takes to simulate a run: what is stiff and light asks for short ones."""
+    imposed = mode_of(run) in ("motion", "unknown")
+    whole = expanded(robot, imposed=imposed)
+    poses = whole.spread(poses_of(robot, run.motion()))
+    return run.duration / choose_step(whole.robot, backend_named(backend), imposed=imposed, poses=poses)
 
 
 def mode_of(run: Run) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.polish import _Loose, polished
@@ -54,6 +55,17 @@ def test_a_delay_is_found_from_another_tick(ticks):
     fit = replace(fit, rows={late.key: late.row})
     better = polished(asked, "rigid", runs, fit, "mjcf")
     assert better.rows[late.key].values["time"] == pytest.approx(4.0e-3 / FINE, rel=0.02)
+
+
+def test_what_takes_an_engine_minutes_is_not_simulated(monkeypatch):
+    """A spring that hardly gives, on a light motor, takes steps of microseconds."""
+    runs = [pendulum_run(seed=1)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    hard = EffectRow(1, {"stiffness": 1e9, "damping": 1.0})
+    spring = Found("joint_compliance", 1, hard, 50.0)
+    fit = replace(refined(asked, whitening(asked), [spring], blocks(asked.evidence)), rows={spring.key: hard})
+    monkeypatch.setattr(polish, "resimulated", lambda *_: pytest.fail("simulated"))
+    assert polished(asked, "rigid", runs, fit, "mjcf") is None
 
 
 def test_a_phase_is_told_within_one_turn():
