@@ -309,9 +309,13 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
 
 
 def held_torque(run: Run, times: Vector) -> Vector:
-    """The commanded torque at times [s], held from each row to the next, shape (..., n); 0 at joints without one."""
+    """The commanded torque at times [s], held from each row's tick to the next's, shape (..., n); 0 where none is.
+
+    A stamp a little behind its tick does not make the command wait for the next one.
+    """
     commanded = np.nan_to_num(run.signals["tau_cmd"])
-    at = np.searchsorted(run.t, times + ON_CLOCK, side="right") - 1
+    given = np.floor(run.t * run.control.rate + EARLY) / run.control.rate
+    at = np.searchsorted(given, times + ON_CLOCK, side="right") - 1
     return commanded[np.clip(at, 0, len(commanded) - 1)]
 
 

@@ -12,7 +12,7 @@ from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, pendulum_run
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.resimulate import compared, residuals, resimulated, start_of
+from mbexport.core.diagnosis.resimulate import compared, held_torque, residuals, resimulated, start_of
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import UsageError
 from mbexport.core.kinematics import dynamics
@@ -69,6 +69,17 @@ def test_torque_alone_is_followed_in_windows():
     assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
     heavy = robot(run, payload=[EffectRow(0, FrozenMap(_body(0.3)))])
     assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"))["q"]) > 100.0 * NOISE["q"]
+
+
+def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick():
+    """And one stamped before its tick by as little is of that tick, as one on time is."""
+    on_time = pendulum_run("torque", rate=1000.0)
+    given = held_torque(on_time, on_time.t)
+    for away in (2.0e-5, -2.0e-5):
+        stamped = replace(on_time, t=np.concatenate([[0.0], on_time.t[1:] + away]))
+        np.testing.assert_array_equal(held_torque(stamped, on_time.t), given)
+        left = residuals(stamped, resimulated(robot(stamped), robot(stamped), stamped, "mjcf"))
+        assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
 
 
 def test_under_torque_alone_arms_are_held_against_their_motors():
