@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database
-from ..errors import MbexportError
+from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from ..recording.run import MEASURED
 from .blocks import Blocks, Sums
@@ -84,15 +84,27 @@ def how_far(
             for run in fold.runs
         ]
 
+    def some(chosen: Sequence[int]) -> list[Simulated] | None:
+        """As simulated, None where some of the findings make a robot that no controller holds."""
+        try:
+            return simulated(chosen, backend)
+        except RefusedError:
+            return None
+
     whole = list(range(len(names)))
-    steps = [simulated(whole[:k], backend) for k in range(len(names) + 1)]
+    steps = [simulated([], backend)]
+    partly = [some(whole[:k]) for k in whole[1:]]
+    for step in partly:
+        # what a robot that cannot be simulated would have taken is the next one's share
+        steps.append(step or steps[-1])
+    steps += [simulated(whole, backend)] if names else []
     shrunk = [_Shrunk(runs, noises, steps[0], step) for step in steps]
     total = shrunk[-1]
     without: dict[str, float | None] = {}
     for k in whole:
         rest = [j for j in whole if j != k]
-        one = steps[k] if k == len(names) - 1 else simulated(rest, backend)
-        without[names[k]] = _Shrunk(runs, noises, steps[0], one).by()
+        one = some(rest) if k < len(names) - 1 else partly[-1] if partly else steps[0]
+        without[names[k]] = _Shrunk(runs, noises, steps[0], one).by() if one is not None else None
     engines: dict[str, float | None] = {}
     refused: dict[str, str] = {}
     if any(run.locked for run in runs):

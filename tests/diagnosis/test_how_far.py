@@ -61,3 +61,23 @@ def test_an_engine_that_refuses_is_named():
     answer, _ = how_far(DATABASE, "rigid", [Fold((VISCOUS, DRY), (RUN,))], "mjcf", ("mjcf", "adams"))
     assert set(answer.refused) == {"adams"}
     assert answer.refused["adams"]
+
+
+def test_a_part_of_the_findings_that_cannot_be_simulated_costs_no_answer(monkeypatch):
+    """Dry friction alone is refused here; its share is in that of both."""
+    from mbexport.core.diagnosis import how_far as module
+    from mbexport.core.errors import RefusedError
+
+    real = module.resimulated
+
+    def refusing(robot, *rest):
+        if robot.effects == ("coulomb_friction",):
+            raise RefusedError("the motion is no longer finite")
+        return real(robot, *rest)
+
+    monkeypatch.setattr(module, "resimulated", refusing)
+    answer, _ = how_far(DATABASE, "rigid", [Fold((DRY, VISCOUS), (RUN,))], "mjcf")
+    assert answer.shrinks_by == pytest.approx(1.0, abs=0.05)
+    assert [one.shrinks_by for one in answer.by_effect] == pytest.approx([0.0, answer.shrinks_by])
+    assert answer.without["viscous_friction joint_1"] is None
+    assert answer.without["coulomb_friction joint_1"] is not None
