@@ -25,14 +25,14 @@ from .model import Rows, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, linear, residuals, resimulated, steps_of
+from .resimulate import compared, linear, mode_of, residuals, resimulated, steps_of
 
 Vector = NDArray[np.float64]
 
 # rounds of it, and where the numbers are so far off that simulated they help nothing
 ROUNDS, ROUNDS_FROM_AFAR = 1, 4
-# simulations that are worth it, a round, and where there may be many rounds
-MOST_SIMULATIONS, MOST_FROM_AFAR = 40, 25
+# simulations that are worth it, a round, and where there may be many rounds; along a given motion they take little
+MOST_SIMULATIONS, MOST_FROM_AFAR, MOST_ALONG = 40, 25, 160
 # steps of an engine that are, a round: a bearing that hardly gives would take minutes
 MOST_STEPS = 1.0e6
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
@@ -61,7 +61,9 @@ def polished(
     Returns:
         The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
     """
-    most, each = MOST_FROM_AFAR if far else MOST_SIMULATIONS, len(fit.free) + 2
+    along = all(mode_of(run) in ("motion", "unknown") for run in runs)
+    most = MOST_ALONG if along else MOST_FROM_AFAR if far else MOST_SIMULATIONS
+    each = len(fit.free) + 2
     if not fit.free or each * len(runs) > most or any(run.locked for run in runs):
         return None
     robots = [robot_of(problem.database, level, run, tables(fit.rows)) for run in runs]

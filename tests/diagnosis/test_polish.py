@@ -73,3 +73,15 @@ def test_a_phase_is_told_within_one_turn():
     wave = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 7.0}), 50.0)
     fit = replace(refined(asked, whitening(asked), [wave], blocks(asked.evidence)), rows={wave.key: wave.row})
     assert in_one_turn(fit).rows[wave.key].values["phase"] == pytest.approx(7.0 - 2.0 * np.pi)
+
+
+def test_along_a_given_motion_many_numbers_are_simulated(monkeypatch):
+    """A simulation takes little there."""
+    monkeypatch.setattr(polish, "MOST_FROM_AFAR", 0)
+    for mode, there in (("motion", True), ("pd", False)):
+        runs = [pendulum_run(mode, lambda t, q, dq: 0.2 * dq, seed=1)]
+        asked = problem(load("pendulum"), "rigid", runs)
+        rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.2}), 50.0)
+        fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
+        off = replace(fit, rows={rubs.key: EffectRow(1, {"coefficient": 0.1})})
+        assert (polished(asked, "rigid", runs, off, "mjcf", far=True) is not None) is there
