@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..effects import effect_named
 from .fit import blocks, gained, spread
 from .hypotheses import twins_of
@@ -12,10 +15,14 @@ from .problem import Problem
 from .refine import Refined, refined
 from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, without_bodies
 
+Vector = NDArray[np.float64]
+
 # how many other names are fitted with all their numbers free
 TRIED = 5
 # a first look by signatures may be off by this much of the gap's energy; of what is linear, this much
 FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
+# cosine between what two names of one thing take away: as much may be gained elsewhere by another cause
+SAME = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +98,16 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             continue
         if without_bodies(problem, [named]):
             continue
-        # what leaves much less is no other name for it
-        if leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
+        # what leaves much less, or takes something else away, is no other name for it
+        same = _cosine((state.left - fit.left) / sigma, (state.left - other.left) / sigma) > SAME
+        if same and leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
+
+
+def _cosine(one: Vector, other: Vector) -> float:
+    """Of the angle between what two names take away."""
+    return float(one @ other) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-300)
 
 
 def one_body(problem: Problem, one: tuple[str, int], other: tuple[str, int]) -> bool:

@@ -163,7 +163,37 @@ class Judge:
             dropped, numbers = (*dropped, *more), ()
             how_far, overlays, after = self._how_far(found, unseen)
         numbers = numbers if found and unseen.rows == _rows(found, numbers) else ()
-        return Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
+        held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
+        crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
+        return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])
+
+    def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
+        """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
+        if not held.found or held.adequate or self.by_bands:
+            return held
+        for crumb in crumbs:
+            found = (*held.found, crumb)
+            unseen = judged(self.whole, self.whiten, found, self.ways)
+            if min(unseen.gains) < EARNS:
+                continue
+            try:
+                how_far, overlays, after = self._how_far(found, unseen)
+            except RefusedError:
+                continue
+            dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (crumb.effect, crumb.place))
+            other = replace(
+                held,
+                found=found,
+                unseen=unseen,
+                dropped=dropped,
+                how_far=how_far,
+                overlays=overlays,
+                after=after,
+                numbers=(),
+            )
+            if other.adequate and _idle(found, unseen.gains, how_far) is None:
+                return other
+        return held
 
     def closer(self, held: Held) -> tuple[list[Refined], Held]:
         """Every split's fit with numbers from simulation and what holds so; none where the gap shrinks less by them.

@@ -24,6 +24,8 @@ Vector = NDArray[np.float64]
 FAR = 1.0e3
 # a wave longer than two turns is none
 LEAST_CYCLES = 0.5
+# part of a wave that is one, on the whole way of its joint
+LEAST_WAVE = 0.75
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,8 +83,8 @@ class Problem:
         return np.ptp(np.concatenate([run.q for run in self.evidence.runs]), axis=0)
 
     def fewest_cycles(self, at: int) -> float:
-        """Of a joint's wave, a turn: it goes through all of itself on the joint's way, or it is but a bend."""
-        return max(LEAST_CYCLES, 2.0 * np.pi / max(float(self.way()[at - 1]), 1e-6))
+        """Of a joint's wave, a turn: it goes through most of itself on the joint's way, or it is but a bend."""
+        return max(LEAST_CYCLES, LEAST_WAVE * 2.0 * np.pi / max(float(self.way()[at - 1]), 1e-6))
 
     def impossible(self, rows: Rows) -> tuple[str, ...]:
         """Why arms of the robot with these rows are no bodies, "" for those that are or never were."""

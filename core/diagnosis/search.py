@@ -61,6 +61,8 @@ SIMPLER = 0.002
 CLOSE = 0.6
 # every number more must explain this part more
 DEARER = 0.1
+# part of one channel's that is no crumb either: the loudest channel must not drown what another is about
+MUCH = 0.3
 # standard deviations of pure noise above it from which springs are looked for by their resonance
 LOUD = 5.0
 # part of the gap's energy for which they are not
@@ -88,6 +90,7 @@ class Contender:
         beta: Its numbers.
         left: What it leaves, in units of noise.
         shows: By how many standard deviations of everything together a plain amount of it changes what is said.
+        closes: Part of what is left above noise of one channel, that of which it takes most.
     """
 
     hypothesis: Hypothesis
@@ -96,11 +99,13 @@ class Contender:
     beta: Vector
     left: Vector
     shows: float
+    closes: float = 0.0
 
     @property
     def earns(self) -> bool:
-        """Whether it is more than chance and more than a crumb."""
-        return self.gain >= THRESHOLD and self.explains >= LEAST_SHARE
+        """Whether it is more than chance and more than a crumb; a delay may be one: simulation knows what it does."""
+        crumb = self.explains < LEAST_SHARE and self.closes < MUCH and self.hypothesis.effect != "delay"
+        return self.gain >= THRESHOLD and not crumb
 
     @property
     def worth(self) -> float:
@@ -490,9 +495,27 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
     # of pure noise nothing is explained
     energy = max(whole - len(left), 3.0 * math.sqrt(2.0 * len(left)))
     return [
-        Contender(hypothesis, gain, float(np.clip((whole - _energy(rest)) / energy, 0.0, 1.0)), fit.beta, rest, shows)
+        Contender(
+            hypothesis,
+            gain,
+            float(np.clip((whole - _energy(rest)) / energy, 0.0, 1.0)),
+            fit.beta,
+            rest,
+            shows,
+            _closes(left, rest, parts),
+        )
         for gain, hypothesis, fit, rest, shows in order
     ]
+
+
+def _closes(left: Vector, rest: Vector, parts: Sequence[Part]) -> float:
+    """Part of what is left above noise of one channel that is gone, of the channel of which most is; of loud ones."""
+    channels = np.array(sorted({(part.begin, part.end) for part in parts}))
+    count = channels[:, 1] - channels[:, 0]
+    had, has = np.add.reduceat(np.stack([left, rest]) ** 2, channels[:, 0], axis=1)
+    above = had - count
+    taken = np.divide(had - has, above, out=np.zeros(len(above)), where=above > LOUD * np.sqrt(2.0 * count))
+    return float(np.clip(np.max(taken), 0.0, 1.0))
 
 
 def _beside(values: Vector, frame: Vector | None) -> Vector:
