@@ -38,10 +38,10 @@ from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, UNREAL, Held, Judge
 from .model import level_rows, merged, robot_of
 from .noise import Noise, noise_floor
-from .nuisances import whitening
+from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
 from .polish import polished
-from .problem import problem
+from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
 from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
@@ -65,14 +65,16 @@ ALL_STAND = (
 )
 # runs that a perfect model would leave so with such a chance show nothing to look for
 HARDLY = 0.05
+# part of the held-out runs' energy a coefficient above noise that is next to nothing in the fitted ones
+NEARLY_STILL = 0.05
 UNSEEN = (
-    "The gap stands in the held-out runs alone: the others show no more than noise, and no fit could see its cause. "
-    "Hold another run out, or record one more that moves alike."
+    "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move, and "
+    "no fit could see its cause. Hold another run out, or record one more that moves alike."
 )
 SEEN_APART = (
-    "The gap stands in the held-out runs alone: the others show no more than noise. So the held-out runs were cut in "
-    "time and fitted too, each part judged by fits that had not seen it. Hold out a run that moves like one that is "
-    "fitted to have the answer confirmed."
+    "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move. So "
+    "the held-out runs were cut in time and fitted too, each part judged by fits that had not seen it. Hold out a run "
+    "that moves like one that is fitted to have the answer confirmed."
 )
 # part of the gap's energy that a name may leave which no run of its own confirms
 UNDERSTOOD = 0.1
@@ -182,8 +184,10 @@ class _Diagnosing:
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
         loud = before.chance < LEVEL and fitted.chance < HARDLY
+        parts = blocks(seen.evidence)
         if judge.by_bands:
-            loud = shows_in_band(state.left, blocks(seen.evidence))
+            loud = shows_in_band(state.left, parts)
+        nearly_alone = bool(holdout) and self._nearly_alone(state, whole, whiten, ways[0].unseen)
         state, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
@@ -202,7 +206,7 @@ class _Diagnosing:
         # what no run that judges shows clearly is nothing to explain
         gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         verdict = _verdict(held, gap)
-        if verdict == "unexplained" and fitted.is_noise:
+        if verdict == "unexplained" and (fitted.is_noise or nearly_alone):
             notes.append(UNSEEN)
         notes += outside_names(held.found)
         effects = rows_of(held.found)
@@ -265,6 +269,13 @@ class _Diagnosing:
             if again.by > held.by + HELPS:
                 return other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
         return state, held
+
+    @staticmethod
+    def _nearly_alone(state: Search, whole: Problem, whiten: Whitening, unseen: Sequence[int]) -> bool:
+        """Whether the held-out runs show nearly all of the gap: joints that stand are not compared, and others move."""
+        there = whiten.only(whole.evidence.places(unseen))(whole.only(unseen).residual({}))
+        loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, state.left))
+        return len(there) > 0 and loud > 0.0 and quiet < NEARLY_STILL * loud
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""

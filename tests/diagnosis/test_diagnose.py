@@ -8,15 +8,18 @@ import pytest
 
 import mbexport
 from mbexport.core.control import Control
+from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnosis import HowFar
 from mbexport.core.diagnosis.held import _idle
-from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.search import Found, Search
 from mbexport.core.diagnosis.unseen import in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
-from .pendulums import pendulum_run
+from .pendulums import friction_free, pendulum_run
 
 
 def runs(against=None, seeds=(1, 2), **options):
@@ -94,6 +97,23 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     monkeypatch.setattr(diagnose._Diagnosing, "_of", half)
     answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
     assert (answer.verdict, answer.which) == ("unexplained", ())
+
+
+def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_nothing_of_it():
+    def asked(first, second):
+        given = [*runs(first, seeds=(1,)), *runs(second, seeds=(2,))]
+        whole = problem(load("pendulum"), "rigid", given)
+        whiten = whitening(whole)
+        state = Search(whole.only([0]), whiten.only(whole.evidence.places([0])))
+        state.begin()
+        return diagnose._Diagnosing._nearly_alone(state, whole, whiten, [1])
+
+    def rubs(t, q, dq):
+        return 0.4 * dq
+
+    assert asked(friction_free, rubs)
+    assert not asked(rubs, rubs)
+    assert not asked(rubs, friction_free)
 
 
 def noisy_and_quiet():
