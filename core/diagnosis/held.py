@@ -406,8 +406,8 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     """
     total, sure = how_far.shrinks_by, how_far.ci95
     if total is None or sure is None or not found:
-        # a smaller gain makes less of its sensor's noise, which looks like a better fit
-        return next((item for item in found if item.effect == "controller_gain" and _smaller(item)), None)
+        # a smaller gain makes less of its sensor's noise, which looks like a better fit; a delay has no judge
+        return next((item for item in found if item.effect == "delay" or _smaller(item)), None)
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
         help_there = total - (how_far.without.get(name_of(item)) or 0.0)
@@ -422,9 +422,9 @@ def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[Eff
     return tuple(tuple(number.rows[item.key] for item in found) for number in numbers)
 
 
-def _smaller(gain: Found) -> bool:
-    """Whether a controller's gain is found smaller than it is said to be."""
-    return min(gain.row.values["kp"], gain.row.values["kd"]) < 1.0
+def _smaller(item: Found) -> bool:
+    """Whether it is a controller's gain, and smaller than it is said to be."""
+    return item.effect == "controller_gain" and min(item.row.values["kp"], item.row.values["kd"]) < 1.0
 
 
 def _as_fitted(noise: Noise, gap: Mapping[str, Vector]) -> Noise:

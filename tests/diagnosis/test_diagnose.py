@@ -1,6 +1,7 @@
 """The whole diagnosis: on a pendulum that nothing of the package moves."""
 
 import json
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -240,3 +241,10 @@ def test_what_does_not_help_unseen_runs_is_dropped():
     plain = dict(zip(names, (0.1, 0.2), strict=True))
     assert _idle([one, other], (20.0, 20.0), far(0.4, plain, (-0.1, 0.7))) is None
     assert _idle([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None
+
+
+def test_a_delay_goes_where_simulation_has_no_gap_for_it_to_close():
+    late = Found("delay", 0, EffectRow(0, {"time": 0.001}), 50.0)
+    rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 50.0)
+    assert _idle([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
+    assert _idle([rubs], (20.0,), far(None, {}, None)) is None
