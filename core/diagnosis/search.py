@@ -103,9 +103,8 @@ class Contender:
 
     @property
     def earns(self) -> bool:
-        """Whether it is more than chance and more than a crumb; a delay may be one: simulation knows what it does."""
-        crumb = self.explains < LEAST_SHARE and self.closes < MUCH and self.hypothesis.effect != "delay"
-        return self.gain >= THRESHOLD and not crumb
+        """Whether it is more than chance and more than a crumb, of everything or of one channel."""
+        return self.gain >= THRESHOLD and (self.explains >= LEAST_SHARE or self.closes >= MUCH)
 
     @property
     def worth(self) -> float:

@@ -444,13 +444,10 @@ def test_what_closes_the_gap_in_simulation_is_no_crumb():
 def test_the_loudest_channel_does_not_drown_what_another_is_about():
     nothing = np.zeros(0)
     rubs = Hypothesis("coulomb_friction", 1, "", lambda beta: {}, np.ones(1), np.zeros(1))
-    late = Hypothesis("delay", 0, "", lambda beta: {}, np.ones(1), np.zeros(1))
     one = np.ones(1)
     assert not Contender(rubs, 50.0, 0.01, one, nothing, 1.0).earns
     assert Contender(rubs, 50.0, 0.01, one, nothing, 1.0, closes=0.5).earns
     assert not Contender(rubs, 5.0, 0.5, one, nothing, 1.0, closes=0.5).earns
-    # along a motion a delay is next to nothing, and to a loop it may be much
-    assert Contender(late, 50.0, 0.001, one, nothing, 1.0).earns
     # two channels of 100: of the loud one nothing is taken, of the other three quarters
     left, rest = np.repeat([30.0, 3.0], 100), np.repeat([30.0, np.sqrt(3.0)], 100)
     parts = [Part(0, 100, 0, 100), Part(100, 200, 100, 200)]
