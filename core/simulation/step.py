@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 ACCURATE = 0.76
 BRISTLE = 1.5
 MARGIN = 0.9
+# what no engine comes to the end of [s]
+SHORTEST = 1.0e-8
 
 
 # how many positions along a motion are looked at
@@ -110,7 +112,7 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
         step: Wanted by the user.
 
     Raises:
-        RefusedError: The wanted step is unstable; the message names a stable one.
+        RefusedError: The wanted step is unstable; the message names a stable one. Or no step is long enough to end.
     """
     stiff = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=True)
     if step is not None:
@@ -125,6 +127,11 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
     limits = [backend.largest_step]
     limits += [ACCURATE / smooth] if smooth > 0.0 else []
     limits += [min(BRISTLE, MARGIN * backend.stable) / stiff] if stiff > smooth else []
+    if min(limits) < SHORTEST:
+        raise RefusedError(
+            f"{robot.name} needs steps of {min(limits):.1g} s in {backend.engine}, and no run "
+            f"ends below {SHORTEST:g} s: its largest eigenvalue is {stiff:.4g} 1/s; make what is stiff softer."
+        )
     return _nice(min(limits))
 
 

@@ -8,12 +8,15 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.polish import _Loose, polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
+from mbexport.core.errors import RefusedError
 
 from .pendulums import FINE, pendulum_run
 
@@ -85,3 +88,12 @@ def test_along_a_given_motion_many_numbers_are_simulated(monkeypatch):
         fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
         off = replace(fit, rows={rubs.key: EffectRow(1, {"coefficient": 0.1})})
         assert (polished(asked, "rigid", runs, off, "mjcf", far=True) is not None) is there
+
+
+def test_a_robot_that_no_run_of_would_end_is_refused():
+    """Stiff and light beyond all that is built: an engine was asked for ten thousand million steps."""
+    run = pendulum_run(seed=1)
+    hard = {"joint_compliance": (EffectRow(1, {"stiffness": 1e20, "damping": 1.0}),)}
+    robot, plain = (robot_of(load("pendulum"), "rigid", run, rows) for rows in (hard, {}))
+    with pytest.raises(RefusedError, match="largest eigenvalue"):
+        resimulated(robot, plain, run, "mjcf")
