@@ -17,6 +17,8 @@ from ..simulation.drive_law import factorised, solved
 
 # the state of rest is found by so many steps of a fixed point
 REST_ITERATIONS = 50
+# of the torque that would stretch a spring by half its clearance, what leaves the play centred
+NO_LOAD = 1e-6
 # (omega h)^2 up to which a spring is followed by the method that is stable up to 6
 FOLLOWED = 1.0
 
@@ -75,6 +77,8 @@ def arms_along(
             i = elastic[a]
             load = bias[i] + arm_stiffness[i] * (q[0, i] - arm_rest[i])
             clearance = half_gap[i] if load > 0.0 else -half_gap[i]
+            if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
+                clearance = 0.0
             q[0, i] = theta[0, i] - load / stiffness[i] - clearance
     for a in range(e):
         dq[0, elastic[a]] = dtheta[0, elastic[a]]

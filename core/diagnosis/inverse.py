@@ -295,6 +295,10 @@ def _arms(
     stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])
     damping = np.array([spring.damping if spring else 0.0 for spring in springs])
     half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
+    # a contact that the record cannot follow would throw the arm back harder than it came
+    most = np.where(half_gap > 0.0, own * elastic.FOLLOWED / run.h**2, math.inf)
+    damping = np.where(stiffness > most, np.maximum(damping, 2.0 * np.sqrt(most * own)), damping)
+    hard, stiffness = stiffness, np.minimum(stiffness, most)
     pull = [[(s.stiffness, s.stiffness * s.rest) for s in stage.drive.arm_springs] for stage in robot.stages]
     arm_stiffness = np.array([sum(k for k, _ in entries) for entries in pull], dtype=float)
     moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
@@ -316,6 +320,9 @@ def _arms(
         dq,
         ddq,
     )
+    if np.any(stiffness < hard):
+        # where the harder contact would hold the arm
+        q += arms.inverse_dynamics(q, dq, ddq) * (1.0 / stiffness - 1.0 / hard)
     return q, dq, ddq
 
 

@@ -19,7 +19,7 @@ MASS, CENTER, LENGTH = 1.2, 0.45, 0.5
 INERTIA = 8.0e-3 + MASS * CENTER**2
 WEIGHT = MASS * 9.81 * CENTER
 KP, KD = 60.0, 4.0
-NOISE = {"q": 2.0e-5, "tau": 0.01}
+NOISE = {"q": 2.0e-5, "tau": 0.01, "q_link": 2.0e-5}
 # steps between two ticks
 FINE = 3
 
@@ -128,12 +128,22 @@ def pendulum_run(
 
 
 def soft_run(
-    stiffness: float, damping: float, *, seed: int = 0, noisy: bool = True, duration: float = 4.0, rate: float = 250.0
+    stiffness: float,
+    damping: float,
+    *,
+    gap: float = 0.0,
+    weight: float = WEIGHT,
+    seed: int = 0,
+    noisy: bool = True,
+    duration: float = 4.0,
+    rate: float = 250.0,
 ) -> Run:
     """What the sensors say of a pendulum that hangs behind a spring from a motor that goes as it is told.
 
     Args:
         stiffness, damping: Of the spring [N m/rad, N m s/rad].
+        gap: Clearance before it [rad]; its damper never pulls.
+        weight: Moment of the weight, held out straight [N m].
         seed: Of the noise.
         noisy: Whether there is any.
         duration: [s].
@@ -148,14 +158,19 @@ def soft_run(
 
     def passed(s: Vector | float, q: Vector, dq: Vector) -> Vector:
         theta, dtheta = asked(s)
-        return stiffness * (theta - q) + damping * (dtheta - dq)
+        stretch = theta - q
+        beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - 0.5 * gap, 0.0)
+        torque = stiffness * beyond + damping * (dtheta - dq)
+        return torque if gap == 0.0 else np.where(torque * beyond > 0.0, torque, 0.0)
 
     def bend(s: float, y: Vector) -> Vector:
-        return np.array([y[1], (passed(s, y[0], y[1]) - WEIGHT * np.sin(y[0])) / INERTIA])
+        return np.array([y[1], (passed(s, y[0], y[1]) - weight * np.sin(y[0])) / INERTIA])
 
-    q, dq = solve_ivp(bend, (0.0, t[-1]), [0.0, 0.0], "DOP853", t, rtol=1e-10, atol=1e-12).y
+    # no step of which jumps over a contact
+    longest = 0.5 / np.sqrt(stiffness / INERTIA) if gap else np.inf
+    q, dq = solve_ivp(bend, (0.0, t[-1]), [0.0, 0.0], "DOP853", t, rtol=1e-9, atol=1e-11, max_step=longest).y
     random = np.random.default_rng(seed)
-    exact = {"q": asked(t)[0], "tau": passed(t, q, dq)}
+    exact = {"q": asked(t)[0], "tau": passed(t, q, dq)} | ({"q_link": q} if gap else {})
     signals = {name: (one + noisy * NOISE[name] * random.normal(size=len(t)))[:, None] for name, one in exact.items()}
-    noise = {name: np.array([NOISE[name]]) for name in ("q", "tau")}
+    noise = {name: np.array([NOISE[name]]) for name in exact}
     return Run("swing", t, signals, Control("motion"), noise, (), {}, "", (), rate)

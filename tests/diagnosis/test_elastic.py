@@ -1,5 +1,7 @@
 """Arms behind springs along a recorded motion, against an integrator of SciPy's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.effects import EffectRow
 
-from .pendulums import INERTIA, soft_run
+from .pendulums import INERTIA, WEIGHT, soft_run
 
 
 @pytest.mark.parametrize("omega", [20.0, 45.0])
@@ -28,3 +30,25 @@ def test_a_spring_much_stiffer_than_the_record_is_fast_is_rigid():
     row = EffectRow(1, {"stiffness": INERTIA * 4000.0**2, "damping": 0.0})
     rigid, hard = (asked.residual(rows) for rows in ({}, {"joint_compliance": (row,)}))
     assert np.mean((hard - rigid) ** 2) < 0.1
+
+
+@pytest.mark.parametrize("weight", [0.0, WEIGHT])
+def test_an_arm_that_floats_in_its_clearance_is_caught_and_not_thrown(weight):
+    """A contact of 500 Hz, a record of 250 Hz: followed as it is, it would throw the arm back ever harder."""
+    gap, omega = 0.002, 2.0 * np.pi * 500.0
+    row = {"stiffness": INERTIA * omega**2, "damping": 0.3 * INERTIA * omega}
+    run = soft_run(**row, gap=gap, weight=weight, duration=2.0)
+    known = load("pendulum") if weight else replace(load("pendulum"), gravity=(0.0, 0.0, 0.0))
+    asked = problem(known, "rigid", [run])
+    (place,) = (c for c in asked.evidence.channels if c.signal == "q_link")
+
+    def rows(size):
+        return {"backlash": (EffectRow(1, row | {"gap": size}),)} if size else {}
+
+    def left(size):
+        return float(np.mean(asked.residual(rows(size))[place.first : place.last] ** 2))
+
+    assert left(gap) < 0.01 * left(0.0)
+    assert left(gap) < 0.1 * min(left(0.7 * gap), left(1.3 * gap))
+    rigid, caught = (np.abs(asked.spoken(rows(size))[0].tau).max() for size in (0.0, gap))
+    assert caught < 5.0 * rigid
