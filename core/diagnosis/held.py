@@ -19,15 +19,16 @@ from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
 from .gap import Gap, gap_of
 from .how_far import Fold, how_far, name_of
+from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
-from .nuisances import Whitening
+from .nuisances import Whitening, whitening
 from .polish import polished
-from .problem import Problem
+from .problem import Problem, problem
 from .refine import Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
 from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, at_points, gives_alone, rows_of, without_bodies
-from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, judged, splits
+from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, in_parts, judged, splits
 
 Vector = NDArray[np.float64]
 
@@ -41,6 +42,8 @@ WILD = "no engine can simulate the robot with it under this controller"
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
+# what gives way, and swings by itself
+SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
 
@@ -281,8 +284,8 @@ class Judge:
         """The findings that help on runs that no fit saw; the worst of the others goes first."""
         kept: list[Found] = list(found)
         dropped: list[Rejected] = []
-        # what the held-out runs do not excite is judged by the others, each left out in turn
-        trusted: set[tuple[str, int]] = set()
+        # what the held-out runs do not excite is judged by the others, each left out in turn: its evidence there
+        trusted: dict[tuple[str, int], float] = {}
         while kept:
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(self.whole, self.whiten, kept, self.ways)
@@ -301,7 +304,7 @@ class Judge:
                 kept = [item for item in kept if item.key not in unreal]
                 continue
             # without what gives nothing could move before a clamped output
-            needed = trusted | {item.key for item in kept if gives_alone(self.whole, kept, item)}
+            needed = trusted.keys() | {item.key for item in kept if gives_alone(self.whole, kept, item)}
             if not self.by_bands:
                 # along a motion a delay is hardly told from stamps; what it does to a loop, simulation knows
                 needed |= {item.key for item in kept if item.effect == "delay"}
@@ -317,28 +320,38 @@ class Judge:
                 shares[int(np.argmax(unseen.gains))] = math.inf
                 worst = int(np.argmin(shares))
                 if shares[worst] >= OTHER_FORM:
-                    return kept, unseen, tuple(dropped)
+                    held_there = (trusted.get(item.key, gain) for item, gain in zip(kept, unseen.gains, strict=True))
+                    return kept, replace(unseen, gains=tuple(held_there)), tuple(dropped)
+                if unseen.moves[worst] < NOTHING and (gain := self._in_turn(kept, worst)) is not None:
+                    trusted[kept[worst].key] = gain
+                    continue
                 item = kept.pop(worst)
                 dropped.append(Rejected(item.effect, item.place, CRUMB))
                 continue
             still = unseen.moves[worst] < NOTHING
-            if still and gains[worst] >= 0.0 and self._in_turn(kept)[worst] >= EARNS:
-                trusted.add(kept[worst].key)
+            if still and (gain := self._in_turn(kept, worst)) is not None and gains[worst] >= -OTHER_FORM * gain:
+                trusted[kept[worst].key] = gain
                 continue
             item = kept.pop(worst)
             why = "not excited by the held-out runs" if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), (), tuple(() for _ in self.ways)), tuple(dropped)
 
-    def _in_turn(self, found: Sequence[Found]) -> Sequence[float]:
-        """What findings earn on the runs that were fitted, each left out in turn; nothing where it is one alone."""
+    def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
+        """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.
+
+        None where it does not hold there either, or where all runs take turns already.
+        """
+        if len(self.ways) > 1:
+            return None
         seen = self.ways[0].seen
-        if len(self.ways) > 1 or len(seen) < 2:
-            return [0.0] * len(found)
-        folds = [
-            Split(tuple(seen[k] for k in way.seen), tuple(seen[k] for k in way.unseen)) for way in splits(len(seen), 0)
-        ]
-        return judged(self.whole, self.whiten, found, folds).gains
+        whole, whiten = self.whole.only(seen), self.whiten.only(self.whole.evidence.places(seen))
+        if len(seen) == 1:
+            parts = [part for k in seen for part in in_parts(self.runs[k])]
+            whole = problem(self.database, self.level, parts)
+            whiten = whitening(whole)
+        worth = judged(whole, whiten, found, splits(len(whole.evidence.runs), 0))
+        return worth.gains[k] if worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM else None
 
     def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -406,8 +419,9 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     """
     total, sure = how_far.shrinks_by, how_far.ci95
     if total is None or sure is None or not found:
-        # a smaller gain makes less of its sensor's noise, which looks like a better fit; a delay has no judge
-        return next((item for item in found if item.effect == "delay" or _smaller(item)), None)
+        # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
+        # makes less of its sensor's noise, which looks like a better fit
+        return next((item for item in found if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
         help_there = total - (how_far.without.get(name_of(item)) or 0.0)

@@ -114,8 +114,11 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         stands_out = stands_out or shows_in_band(left, unseen.parts)
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
+            if len(ways) > 1 and _moved(seen.left(others), fit.left, seen.parts) < NOTHING:
+                # its numbers stayed where they began, and that the runs to judge by have seen
+                continue
             rest = nothing
-            moves[k] += float(np.sum(((unseen.left(others) - left) / sigma) ** 2))
+            moves[k] += _moved(unseen.left(others), left, unseen.parts) ** 2
             if item.absent is not None:
                 moved = removal(fit, item.key, item.absent).rows
                 rest = unseen.left([replace(other, row=moved[other.key]) for other in others])
@@ -170,6 +173,11 @@ def fall_short(
     best = int(np.argmin(nats))
     share = (energy - energy[best]) / max(nothing - float(energy[best]), 1e-9)
     return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
+
+
+def _moved(other: Vector, left: Vector, parts: Sequence[Part]) -> float:
+    """By how many standard deviations of everything together, by the spread of what is left, another rest differs."""
+    return float(np.linalg.norm((other - left) / spread(left, parts)))
 
 
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:

@@ -243,8 +243,9 @@ def test_what_does_not_help_unseen_runs_is_dropped():
     assert _idle([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None
 
 
-def test_a_delay_goes_where_simulation_has_no_gap_for_it_to_close():
-    late = Found("delay", 0, EffectRow(0, {"time": 0.001}), 50.0)
+@pytest.mark.parametrize("effect", ["delay", "joint_compliance", "joint_compliance_6d", "link_flexibility"])
+def test_delays_and_springs_go_where_simulation_has_no_gap_for_them_to_close(effect):
+    late = Found(effect, 0 if effect == "delay" else 1, EffectRow(1, {}), 50.0)
     rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 50.0)
     assert _idle([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
     assert _idle([rubs], (20.0,), far(None, {}, None)) is None

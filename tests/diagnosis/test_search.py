@@ -32,7 +32,7 @@ from mbexport.core.diagnosis.search import (
     search,
     without_bodies,
 )
-from mbexport.core.diagnosis.unseen import splits
+from mbexport.core.diagnosis.unseen import EARNS, Split, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
@@ -439,6 +439,39 @@ def test_what_closes_the_gap_in_simulation_is_no_crumb():
         "coulomb_friction",
     ]
     assert judge._closed(held, [spring]) is held
+
+
+RUBS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+
+
+def judge_of(count, coefficient=0.4):
+    """Of some runs and a held-out one whose torque sensor hears next to nothing."""
+    runs = [pendulum_run("motion", lambda t, q, dq: coefficient * dq, seed=k) for k in range(count + 1)]
+    runs[-1] = replace(runs[-1], noise={"q": runs[-1].noise["q"], "tau": np.array([100.0])})
+    asked = problem(load("pendulum"), "rigid", runs)
+    ways = splits(count + 1, 1)
+    return Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), ways, runs)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_what_held_out_runs_do_not_excite_is_judged_by_the_others_in_turn(count):
+    """A torque limit that only the harder runs reach; one run alone is cut in time."""
+    kept, unseen, _ = judge_of(count)._kept([RUBS])
+    assert kept == [RUBS]
+    assert unseen.gains[0] > 20.0
+    kept, _, dropped = judge_of(count, 0.0)._kept([RUBS])
+    assert kept == []
+    assert dropped[0].why == "not excited by the held-out runs"
+
+
+def test_a_number_that_stayed_where_it_began_has_not_been_judged():
+    """It began where all runs together had it, the one to judge by among them."""
+    judge = judge_of(1)
+    loud, deaf = Split((1,), (0,)), Split((0,), (1,))
+    worth = judged(judge.whole, judge.whiten, [RUBS], [loud, deaf])
+    assert worth.gains[0] < EARNS
+    (there,) = judged(judge.whole, judge.whiten, [RUBS], [loud]).gains
+    assert there > 100.0
 
 
 def test_the_loudest_channel_does_not_drown_what_another_is_about():
