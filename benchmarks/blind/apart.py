@@ -41,7 +41,7 @@ from design import Judge, as_simulated, law_of
 from motions import through
 from numba import njit
 from scipy.optimize import least_squares, lsq_linear
-from world import COLUMN, World, sampled, simulate, world_of
+from world import COLUMN, World, sampled, simulate, substeps_needed, world_of
 
 ALIKE = 0.01
 # which springs and plays are integrated: those that at rest leave less than this
@@ -49,6 +49,8 @@ NEAR = 0.4
 # frequencies at which springs are let swing before [Hz]
 SWINGS = (3.0, 5.0, 8.0, 12.0, 20.0)
 INTEGRATED = 3
+# steps a tick from which a spring is so hard that it gives nothing
+MOST_SUBSTEPS = 100
 # columns of geometry are of a milliradian or a millimetre, and stay within what is small
 MOST = dict.fromkeys(("kinematic_error", "base_tilt", "encoder_offset"), 300.0)
 # of the candidates that leave less than this, a record is kept
@@ -712,8 +714,14 @@ def integrated(scene: Scene, effect: str, at: int, begin: np.ndarray) -> float:
             return dict(zip(("krx", "kry", "brx", "bry"), (*k.tolist(), *b.tolist()), strict=True))
         return {**dict(zip(("ku", "kv", "bu", "bv"), (*k.tolist(), *b.tolist()), strict=True)), "at": 0.5}
 
+    fastest = np.max([np.max(np.abs(path.dq), axis=0) for path in scene.paths], axis=0)
+
     def rest(x: np.ndarray) -> np.ndarray:
-        asked = scene.asked_by({"effect": effect, "at": at, "parameters": made(x), "form": 0})
+        spring = {"effect": effect, "at": at, "parameters": made(x), "form": 0}
+        if substeps_needed(scene.world([spring]), scene.recipe["control"]["rate"], fastest) > MOST_SUBSTEPS:
+            # as good as rigid
+            return -scene.gap / math.sqrt(scene.energy)
+        asked = scene.asked_by(spring)
         with np.errstate(over="ignore", invalid="ignore"):
             values = (scene.shown(asked)[:, 0] - scene.gap) / math.sqrt(scene.energy)
         return np.where(np.isfinite(values), np.clip(values, -1.0e3, 1.0e3), 1.0e3)
