@@ -111,6 +111,11 @@ def blocks(evidence: Evidence) -> list[Part]:
     return out
 
 
+def edges_of(parts: Sequence[Part]) -> list[tuple[int, int]]:
+    """Where each channel begins and ends."""
+    return sorted({(part.begin, part.end) for part in parts})
+
+
 def spread(left: Vector, parts: Sequence[Part]) -> Vector:
     """What a model may miss, as a standard deviation of each coefficient in units of noise, shape (N,).
 
@@ -138,7 +143,7 @@ def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) 
         sigma: Spread that both are judged by.
         parts: Bands of channels.
     """
-    channels = sorted({(part.begin, part.end) for part in parts})
+    channels = edges_of(parts)
     starts = [begin for begin, _ in channels]
     count = np.array([end - begin for begin, end in channels])
     floor = count - CHANCE * np.sqrt(2.0 * count)

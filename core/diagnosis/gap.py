@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..recording import Run
 from ..representation import Robot
 from .diagnosis import Where
-from .fit import Part
+from .fit import Part, edges_of
 from .noise import Noise, loudest, significance
 from .where import where
 
@@ -69,8 +69,7 @@ def shows(left: Vector, parts: Sequence[Part]) -> bool:
     A controller that acts on its sensors' noise moves the robot by what no simulation knows, and nobody knows noise
     exactly; along the measured motion neither is a gap.
     """
-    whole = {(part.begin, part.end) for part in parts}
-    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in whole) or shows_in_band(left, parts)
+    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in edges_of(parts)) or shows_in_band(left, parts)
 
 
 def shows_in_band(left: Vector, parts: Sequence[Part]) -> bool:

@@ -42,6 +42,11 @@ WILD = "no engine can simulate the robot with it under this controller"
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
+# friction that has a level at any speed; by what part of it a motor may need more there than back; and by what part of
+# itself a torque changes that is one with that
+DRY = ("coulomb_friction", "stribeck_friction", "hysteresis")
+LOPSIDED, STEADY = 0.25, 0.5
+UNEVEN = "no more than friction that is not the same both ways"
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
@@ -319,6 +324,11 @@ class Judge:
                 # the first cause of a gap is no second one, however small its part of every channel is
                 shares[int(np.argmax(unseen.gains))] = math.inf
                 worst = int(np.argmin(shares))
+                uneven = next((item for item in kept if item.key not in needed and self._uneven(kept, item)), None)
+                if uneven is not None:
+                    kept.remove(uneven)
+                    dropped.append(Rejected(uneven.effect, uneven.place, UNEVEN))
+                    continue
                 if shares[worst] >= OTHER_FORM:
                     held_there = (trusted.get(item.key, gain) for item, gain in zip(kept, unseen.gains, strict=True))
                     return kept, replace(unseen, gains=tuple(held_there)), tuple(dropped)
@@ -336,6 +346,20 @@ class Judge:
             why = "not excited by the held-out runs" if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), (), tuple(() for _ in self.ways)), tuple(dropped)
+
+    def _uneven(self, found: Sequence[Found], item: Found) -> bool:
+        """Whether it is a torque that hardly changes where dry friction was found, and a small part of that."""
+        values, i = item.row.values, item.at - 1
+        rubs = sum(one.row.values["torque"] for one in found if one.effect in DRY and one.at == item.at)
+        if item.effect == "torque_offset":
+            pulls = np.array([values["torque"]])
+        elif item.effect == "joint_spring":
+            q = np.concatenate([run.q[:, i] for run in self.whole.evidence.runs])
+            pulls = values["stiffness"] * (q - values["rest"])
+        else:
+            return False
+        mean = abs(float(np.mean(pulls)))
+        return float(np.ptp(pulls)) < STEADY * mean <= STEADY * LOPSIDED * rubs
 
     def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
         """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
-from .fit import Linear, Part, blocks, gained, linear, spread
+from .fit import Linear, Part, blocks, edges_of, gained, linear, spread
 from .hypotheses import (
     GIVING,
     STEP,
@@ -501,15 +501,15 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             fit.beta,
             rest,
             shows,
-            _closes(left, rest, parts),
+            _most_gone(left, rest, parts),
         )
         for gain, hypothesis, fit, rest, shows in order
     ]
 
 
-def _closes(left: Vector, rest: Vector, parts: Sequence[Part]) -> float:
+def _most_gone(left: Vector, rest: Vector, parts: Sequence[Part]) -> float:
     """Part of what is left above noise of one channel that is gone, of the channel of which most is; of loud ones."""
-    channels = np.array(sorted({(part.begin, part.end) for part in parts}))
+    channels = np.array(edges_of(parts))
     count = channels[:, 1] - channels[:, 0]
     had, has = np.add.reduceat(np.stack([left, rest]) ** 2, channels[:, 0], axis=1)
     above = had - count

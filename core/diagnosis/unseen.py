@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from ..recording import Run
-from .fit import Part, blocks, gained, spread
+from .fit import Part, blocks, edges_of, gained, spread
 from .gap import shows_in_band
 from .nuisances import Whitening
 from .problem import FAR, Problem
@@ -183,7 +183,7 @@ def _moved(other: Vector, left: Vector, parts: Sequence[Part]) -> float:
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:
     """The largest part of a channel's gap, noise taken off, that goes from what the others leave to what all leave."""
     taken = 0.0
-    for begin, end in sorted({(part.begin, part.end) for part in parts}):
+    for begin, end in edges_of(parts):
         gap = max(float(np.sum(nothing[begin:end] ** 2)), float(np.sum(rest[begin:end] ** 2))) - (end - begin)
         less = float(np.sum(rest[begin:end] ** 2) - np.sum(left[begin:end] ** 2))
         if less > 2.0 * EARNS and gap > 0.0:
@@ -193,7 +193,7 @@ def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -
 
 def _closes(rest: Vector, left: Vector, parts: Sequence[Part]) -> bool:
     """Whether a channel that others leave well above noise goes down to it: what another form leaves no law closes."""
-    for begin, end in sorted({(part.begin, part.end) for part in parts}):
+    for begin, end in edges_of(parts):
         before, after = float(np.mean(rest[begin:end] ** 2)), float(np.mean(left[begin:end] ** 2))
         if after < CLOSED and before - after > CLEARLY and before - after > MOSTLY * (before - 1.0):
             return True

@@ -14,7 +14,7 @@ from mbexport.core.diagnosis import refine
 from mbexport.core.diagnosis.alike import Alike, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
-from mbexport.core.diagnosis.held import Judge
+from mbexport.core.diagnosis.held import UNEVEN, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.nuisances import whitening
@@ -25,8 +25,8 @@ from mbexport.core.diagnosis.search import (
     Contender,
     Found,
     Search,
-    _closes,
     _likeliest,
+    _most_gone,
     _ringing,
     rows_of,
     search,
@@ -464,6 +464,26 @@ def test_what_held_out_runs_do_not_excite_is_judged_by_the_others_in_turn(count)
     assert dropped[0].why == "not excited by the held-out runs"
 
 
+@pytest.mark.parametrize(
+    ("second", "row"),
+    [("torque_offset", {"torque": 0.1}), ("joint_spring", {"stiffness": 0.01, "rest": -10.0})],
+)
+@pytest.mark.parametrize(("steady", "kept"), [(0.1, 1), (0.4, 2)])
+def test_friction_that_is_not_the_same_both_ways_is_no_second_cause(second, row, steady, kept):
+    """A fifth more there than back is a steady torque while it moves; one nearly as large as the friction is none."""
+    runs = [pendulum_run("motion", lambda t, q, dq: 0.5 * math.tanh(dq / 1e-3) + steady, seed=k) for k in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+    row = {name: value * (steady / 0.1 if name in ("torque", "stiffness") else 1.0) for name, value in row.items()}
+    both = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.5}), 50.0),
+        Found(second, 1, EffectRow(1, row), 50.0),
+    ]
+    found, _, dropped = judge._kept(both)
+    assert [item.effect for item in found] == [item.effect for item in both[:kept]]
+    assert [item.why for item in dropped] == [UNEVEN] * (2 - kept)
+
+
 def test_a_number_that_stayed_where_it_began_has_not_been_judged():
     """It began where all runs together had it, the one to judge by among them."""
     judge = judge_of(1)
@@ -484,7 +504,7 @@ def test_the_loudest_channel_does_not_drown_what_another_is_about():
     # two channels of 100: of the loud one nothing is taken, of the other three quarters
     left, rest = np.repeat([30.0, 3.0], 100), np.repeat([30.0, np.sqrt(3.0)], 100)
     parts = [Part(0, 100, 0, 100), Part(100, 200, 100, 200)]
-    assert _closes(left, rest, parts) == pytest.approx(6.0 / 8.0)
+    assert _most_gone(left, rest, parts) == pytest.approx(6.0 / 8.0)
 
 
 def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
