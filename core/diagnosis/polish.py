@@ -41,6 +41,8 @@ LOOSE, LOOSER = 10.0, 100.0
 PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
 LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
+# which is at least this, or what no run shows would be held by a weight beyond all numbers
+LEAST_SIZE = 1.0e-9
 
 
 def polished(
@@ -71,7 +73,7 @@ def polished(
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
-    size = np.maximum(np.abs(start), sigma)
+    size = np.maximum(np.maximum(np.abs(start), sigma), LEAST_SIZE)
     step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
     weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])

@@ -1,5 +1,6 @@
 """Numbers from simulation: what tolerances may do is taken out of them, a delay is found in another tick."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.diagnosis.search import Found
-from mbexport.core.effects import EffectRow
+from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
 
 from .pendulums import FINE, pendulum_run
@@ -58,6 +59,23 @@ def test_a_delay_is_found_from_another_tick(ticks):
     fit = replace(fit, rows={late.key: late.row})
     better = polished(asked, "rigid", runs, fit, "mjcf")
     assert better.rows[late.key].values["time"] == pytest.approx(4.0e-3 / FINE, rel=0.02)
+
+
+def test_a_number_that_no_run_shows_stays_where_it_is():
+    """Along a pendulum's axis its load may be anywhere, and a fit leaves it at next to nothing, without an interval."""
+    runs = [pendulum_run(seed=1, against=lambda t, q, dq: 0.2 * math.sin(q))]
+    asked = problem(load("pendulum"), "rigid", runs)
+    nowhere = {"x": -2.2e-87, "y": 1.0e-88, "z": -1.4e-273}
+    values = {column.name: column.default or 0.0 for column in effect_named("payload").columns}
+    load_at_hand = Found("payload", 0, EffectRow(0, values | {"mass": 0.03} | nowhere), 50.0)
+    fit = refined(asked, whitening(asked), [load_at_hand], blocks(asked.evidence))
+    sure = np.diag([1.0e-4 if name == "mass" else 0.0 for _, _, name in fit.free])
+    assert len(sure) == 4
+    better = polished(
+        asked, "rigid", runs, replace(fit, rows={load_at_hand.key: load_at_hand.row}, covariance=sure), "mjcf"
+    )
+    assert better is not None
+    assert better.rows[load_at_hand.key].values["x"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_what_takes_an_engine_minutes_is_not_simulated(monkeypatch):
