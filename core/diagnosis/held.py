@@ -364,7 +364,8 @@ class Judge:
     def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
         """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.
 
-        None where it does not hold there either, or where all runs take turns already.
+        None where it does not hold there either, where much of these is not understood, of which a part proves nothing,
+        or where all runs take turns already.
         """
         if len(self.ways) > 1:
             return None
@@ -375,7 +376,8 @@ class Judge:
             whole = problem(self.database, self.level, parts)
             whiten = whitening(whole)
         worth = judged(whole, whiten, found, splits(len(whole.evidence.runs), 0))
-        return worth.gains[k] if worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM else None
+        holds = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.open < OTHER_FORM
+        return worth.gains[k] if holds else None
 
     def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
