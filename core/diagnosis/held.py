@@ -42,8 +42,8 @@ WILD = "no engine can simulate the robot with it under this controller"
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
-# friction that has a level at any speed; by what part of it a motor may need more there than back; and by what part of
-# itself a torque changes that is one with that
+# dry friction; by what part of it a motor may need more there than back; and by what part of itself a torque changes at
+# most that may be that
 DRY = ("coulomb_friction", "stribeck_friction", "hysteresis")
 LOPSIDED, STEADY = 0.25, 0.5
 UNEVEN = "no more than friction that is not the same both ways"
@@ -316,6 +316,11 @@ class Judge:
             gains = [math.inf if item.key in needed else gain for item, gain in zip(kept, unseen.gains, strict=True)]
             worst = min(range(len(kept)), key=lambda k: gains[k])
             if gains[worst] >= EARNS:
+                uneven = next((item for item in kept if item.key not in needed and self._uneven(kept, item)), None)
+                if uneven is not None:
+                    kept.remove(uneven)
+                    dropped.append(Rejected(uneven.effect, uneven.place, UNEVEN))
+                    continue
                 # no law of another form is late
                 shares = [
                     math.inf if item.effect == "delay" or item.key in needed else share
@@ -324,11 +329,6 @@ class Judge:
                 # the first cause of a gap is no second one, however small its part of every channel is
                 shares[int(np.argmax(unseen.gains))] = math.inf
                 worst = int(np.argmin(shares))
-                uneven = next((item for item in kept if item.key not in needed and self._uneven(kept, item)), None)
-                if uneven is not None:
-                    kept.remove(uneven)
-                    dropped.append(Rejected(uneven.effect, uneven.place, UNEVEN))
-                    continue
                 if shares[worst] >= OTHER_FORM:
                     held_there = (trusted.get(item.key, gain) for item, gain in zip(kept, unseen.gains, strict=True))
                     return kept, replace(unseen, gains=tuple(held_there)), tuple(dropped)
@@ -359,7 +359,7 @@ class Judge:
         else:
             return False
         mean = abs(float(np.mean(pulls)))
-        return float(np.ptp(pulls)) < STEADY * mean <= STEADY * LOPSIDED * rubs
+        return float(np.ptp(pulls)) < STEADY * mean and mean <= LOPSIDED * rubs
 
     def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
         """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.

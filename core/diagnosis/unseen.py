@@ -108,17 +108,17 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         rows.append(tuple(fit.rows[item.key] for item in found))
         whole = [replace(item, row=fit.rows[item.key]) for item in found]
         left = unseen.left(whole)
-        sigma = spread(left, unseen.parts)
+        sigma, fitted = spread(left, unseen.parts), spread(fit.left, seen.parts)
         nothing = unseen.left([])
         loud, still = (total + float(one @ one) - len(one) for total, one in ((loud, nothing), (still, left)))
         stands_out = stands_out or shows_in_band(left, unseen.parts)
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
-            if len(ways) > 1 and _moved(seen.left(others), fit.left, seen.parts) < NOTHING:
+            if len(ways) > 1 and _moved(seen.left(others), fit.left, fitted) < NOTHING:
                 # its numbers stayed where they began, and that the runs to judge by have seen
                 continue
             rest = nothing
-            moves[k] += _moved(unseen.left(others), left, unseen.parts) ** 2
+            moves[k] += _moved(unseen.left(others), left, sigma) ** 2
             if item.absent is not None:
                 moved = removal(fit, item.key, item.absent).rows
                 rest = unseen.left([replace(other, row=moved[other.key]) for other in others])
@@ -175,9 +175,9 @@ def fall_short(
     return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
 
 
-def _moved(other: Vector, left: Vector, parts: Sequence[Part]) -> float:
-    """By how many standard deviations of everything together, by the spread of what is left, another rest differs."""
-    return float(np.linalg.norm((other - left) / spread(left, parts)))
+def _moved(other: Vector, left: Vector, sigma: Vector) -> float:
+    """By how many standard deviations of everything together another rest differs from what is left."""
+    return float(np.linalg.norm((other - left) / sigma))
 
 
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:
