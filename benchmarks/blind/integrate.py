@@ -134,6 +134,16 @@ def back_substitute(L, x):
 
 
 @njit(cache=True)
+def workspace(N, n):
+    """Arrays that `flow` writes into."""
+    return (
+        np.zeros((N, N)), np.zeros(N), np.zeros((N, 3, 3)), np.zeros((N, 3)), np.zeros((N, 6)), np.zeros((N, 6)),
+        np.zeros((N, 6)), np.zeros((N, 6)), np.zeros((N, 4)), np.zeros((N, 3, 3)), np.zeros(N), np.zeros(N),
+        np.zeros(N), np.zeros((5, max(N, n))), np.zeros(N), np.zeros(N), np.zeros((3, n)), np.zeros(n),
+    )  # fmt: skip
+
+
+@njit(cache=True)
 def flow(chain, plant, command, t, y, tau, dy, out, work):
     """dy of the state; out (4, n): torque T passed, friction, drive's torque where imposed, arm's position."""
     M, h, R, p, S, V, acc, F, C, J, q, v, f, extra, slope, curve, cmd, passed_before = work
@@ -250,7 +260,9 @@ def flow(chain, plant, command, t, y, tau, dy, out, work):
             else:
                 M[j, j] += plant.drives[i, INERTIA]
     first = True
-    for _ in range(40):
+    # load and friction may answer each other with more: by less at a time they come together
+    share, last = 1.0, math.inf
+    for _ in range(200):
         change = 0.0
         for i in range(n):
             d = plant.drives[i]
@@ -283,10 +295,13 @@ def flow(chain, plant, command, t, y, tau, dy, out, work):
                     total += mass[j, a] * slope[a] * x[a]
                 change = max(change, abs(total - passed_before[i]) / (1.0 + abs(total)))
                 out[0, i] = total
-                passed_before[i] = total
+                passed_before[i] += share * (total - passed_before[i])
                 out[3, i] = slope[j] * total
         if not iterate or change < 1.0e-12:
             break
+        if change > 0.5 * last:
+            share *= 0.7
+        last = change
     for a in range(N):
         dy[a] = y[N + a]
         dy[N + a] = x[a]
@@ -435,11 +450,7 @@ def run(chain, plant, command, control, ticks, substeps, euler, given):
     N = len(chain.kind)
     n = len(plant.driven)
     size = 2 * N + 2 * n + n + n * SLIPS + n
-    work = (
-        np.zeros((N, N)), np.zeros(N), np.zeros((N, 3, 3)), np.zeros((N, 3)), np.zeros((N, 6)), np.zeros((N, 6)),
-        np.zeros((N, 6)), np.zeros((N, 6)), np.zeros((N, 4)), np.zeros((N, 3, 3)), np.zeros(N), np.zeros(N),
-        np.zeros(N), np.zeros((5, max(N, n))), np.zeros(N), np.zeros(N), np.zeros((3, n)), np.zeros(n),
-    )  # fmt: skip
+    work = workspace(N, n)
     y, stage = np.zeros(size), np.zeros(size)
     slopes = np.zeros((6, size))
     out = np.zeros((4, n))

@@ -84,5 +84,23 @@ def apart():
     return left
 
 
+def load():
+    """By how much friction under a load is off from that load's, where it has as good as none and slides fast."""
+    from integrate import Command, flow, workspace
+    from laws import BRISTLE, bristle, level
+    from world import plant_of, world_of
+
+    parameters = {"coulomb_friction": {"torque": 0.08, "asymmetry": 0.15}, "load_friction": {"coefficient": 0.05}}
+    effects = [{"effect": name, "at": 1, "parameters": p, "form": 1} for name, p in parameters.items()]
+    chain, plant, _ = plant_of(world_of(recipe("pd"), effects), False)
+    drive, speed = plant.drives[0], -2.0
+    y, dy, out, work = np.zeros(14), np.zeros(14), np.zeros((4, 1)), workspace(1, 1)
+    y[1], y[4] = speed, -drive[BRISTLE]
+    flow(chain, plant, Command(1.0, np.zeros((1, 1, 6))), 0.0, y, np.array([-0.08]), dy, out, work)
+    passed = out[0, 0]
+    force, _ = bristle(drive, y[4], speed, level(drive, speed, 0.0, 0.0, passed))
+    return {"off": float(abs(force - out[1, 0])), "passed": float(passed)}
+
+
 if __name__ == "__main__":
-    print(json.dumps({"perfect": perfect, "stamps": stamps, "apart": apart}[sys.argv[1]]()))
+    print(json.dumps({"perfect": perfect, "stamps": stamps, "apart": apart, "load": load}[sys.argv[1]]()))

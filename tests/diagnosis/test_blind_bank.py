@@ -115,6 +115,13 @@ def test_rows_that_come_late_say_so_and_are_so():
     assert error["q"] < 0.1 * error["ticks"]
 
 
+def test_friction_under_load_and_the_load_come_together():
+    """Near no load they may answer each other with more and more: the arm jumped."""
+    answer = tiny("load")
+    assert abs(answer["passed"]) < 0.5
+    assert answer["off"] < 1.0e-9
+
+
 def test_a_rotor_is_like_its_link_and_nothing_like_friction():
     left = tiny("apart")
     assert left["rotor_inertia"] < 1.0e-9
