@@ -37,12 +37,15 @@ class Linear:
         left: What it leaves, shape (N,).
         cost: Sum of squares of what it leaves, over the spread, with the prior's part.
         volume: Half the logarithm of how much the prior had to be narrowed (Occam).
+        told: How many numbers the data tell of it, the rest are the prior's (the trace of the resolution matrix, Backus
+            and Gilbert 1968).
     """
 
     beta: Vector
     left: Vector
     cost: float
     volume: float
+    told: float
 
 
 def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
@@ -65,7 +68,8 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
         )
     _, volume, moved, prior = min(options, key=lambda option: option[0])
     left = r0 + scaled @ moved
-    return Linear(moved * scale, left, float(left @ left) + prior, volume + math.log(len(SMALLER)))
+    told = float(np.trace(np.linalg.solve(gram + np.eye(len(gram)), gram)))
+    return Linear(moved * scale, left, float(left @ left) + prior, volume + math.log(len(SMALLER)), told)
 
 
 def _most_probable(gram: Vector, moment: Vector, least: Vector) -> tuple[Vector, float]:

@@ -297,7 +297,9 @@ def _arms(
     half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
     # a contact that the record cannot follow would throw the arm back harder than it came
     most = np.where(half_gap > 0.0, own * elastic.FOLLOWED / run.h**2, math.inf)
-    damping = np.where(stiffness > most, np.maximum(damping, 2.0 * np.sqrt(most * own)), damping)
+    damping = np.where(
+        stiffness > most, np.maximum(damping, 2.0 * np.abs(own) * math.sqrt(elastic.FOLLOWED) / run.h), damping
+    )
     hard, stiffness = stiffness, np.minimum(stiffness, most)
     pull = [[(s.stiffness, s.stiffness * s.rest) for s in stage.drive.arm_springs] for stage in robot.stages]
     arm_stiffness = np.array([sum(k for k, _ in entries) for entries in pull], dtype=float)

@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 # one standard deviation of geometry [rad, and of an arm's length]; an arm's length, and how far from its frame what is
 # more there is, as part of the robot's
 STRAY, PART_OF_REACH = 0.05, 0.2
+# where a spring's joint may rest [rad, and of the robot's length]
+RESTS = math.pi, 1.0
 # part of an arm's mass that may be elsewhere without more of it
 SHIFTED = 0.1
 # extra mass below which it has no center, and how thick it may be [masses of the arm, and times its length squared]
@@ -26,8 +28,11 @@ LEAST_MASS, THICK = 0.02, 0.01
 class Plain:
     """What numbers are where no run shows them, loosely: geometry as it is known, extra mass at a point near its frame.
 
+    A spring's joint rests where it can be: beside a torque's offset a fit could go on with both for ever.
+
     Attributes:
-        small: Places of the errors of geometry, and of where a load is, among the numbers that are fitted.
+        small: Places of the errors of geometry, and of where a load is and a spring rests, among the numbers that are
+            fitted.
         loose: Standard deviation of each.
         arms: Of each arm with an extra mass, the places of its numbers by their names, and the arm's own mass [kg].
         length: What is long for an arm [m].
@@ -40,10 +45,14 @@ class Plain:
 
     @staticmethod
     def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> Plain:
-        length = PART_OF_REACH * max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
+        whole = max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
+        length = PART_OF_REACH * whole
         deviations: dict[int, float] = {}
-        for k, (effect, _, name) in enumerate(free):
-            if effect == "kinematic_error":
+        for k, (effect, at, name) in enumerate(free):
+            if effect == "joint_spring" and name == "rest":
+                slides = problem.database.joints[at - 1].kind == "prismatic"
+                deviations[k] = RESTS[1] * whole if slides else RESTS[0]
+            elif effect == "kinematic_error":
                 deviations[k] = STRAY * length if name in ("a", "d") else STRAY
             elif effect == "payload" and name in ("x", "y", "z"):
                 deviations[k] = length

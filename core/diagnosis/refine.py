@@ -46,6 +46,8 @@ _ON_TIME = EffectRow(0, {"time": 0.0})
 LIGHTEST = 0.9
 # what a bearing's direction must add to the log evidence not to be rigid
 BEARING, TOLD = "joint_compliance_6d", 1.0
+# one standard deviation of a number that no run shows, in its size
+TIMES = 3.0
 # of what is known of a number the part that the runs must say
 RESOLVED = 0.5
 
@@ -232,8 +234,9 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         for name in free_columns(item.effect, item.row)
         if not (undamped and (item.effect, name) == ("controller_gain", "kd"))
     )
-    start = np.array([_row(found, effect, at).values[name] for effect, at, name in free])
-    size = np.array([_size(_row(found, effect, at), effect, name) for effect, at, name in free])
+    way, named = problem.way(), {item.key: item for item in found}
+    start = np.array([named[effect, at].row.values[name] for effect, at, name in free])
+    size = np.array([_size(named[effect, at], name, float(way[at - 1])) for effect, at, name in free])
     bounds = [bounds_of(problem, *key, value) for key, value in zip(free, start.tolist(), strict=True)]
     low = np.array([b[0] for b in bounds]) / size
     high = np.array([b[1] for b in bounds]) / size
@@ -272,9 +275,13 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         sigma = spread(np.asarray(solution.fun)[: len(sigma)] * sigma, parts)
     left = residual(x)
     jacobian = np.asarray(solution.jac)
-    inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    # what no run shows is known within a few times its size, for what would otherwise be anything
+    gram = jacobian.T @ jacobian + np.eye(len(free)) / TIMES**2
+    scale = np.sqrt(np.diagonal(gram))
+    inverse = np.linalg.inv(gram / np.outer(scale, scale)) / np.outer(scale, scale)
     told = jacobian[: len(left)]
-    resolved = np.diagonal(inverse @ (told.T @ told)) > RESOLVED
+    known = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+    resolved = np.diagonal(known @ (told.T @ told)) > RESOLVED
     slope = told * sigma_last[:, None] / size
     return Refined(rows_at(x), left, free, inverse * np.outer(size, size), slope, tuple(resolved.tolist()))
 
@@ -304,16 +311,20 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
     return left
 
 
-def _row(found: Sequence[Found], effect: str, at: int) -> EffectRow:
-    return next(item.row for item in found if (item.effect, item.at) == (effect, at))
+def _size(item: Found, name: str, way: float) -> float:
+    """What is much for a number: itself, or what its neighbours of the same kind or it without the finding are.
 
-
-def _size(row: EffectRow, effect: str, name: str) -> float:
-    """What is much for a number: itself, or what its neighbours of the same kind are."""
-    value = abs(row.values[name])
-    unit = {c.name: c.unit for c in effect_named(effect).columns}
-    same = [abs(row.values[c]) for c, u in unit.items() if u == unit[name] and np.isfinite(row.values[c])]
-    return max(value, 0.1 * max(same, default=0.0), 1e-9)
+    Where a spring rests and a wave begins may well be 0: there it is the joint's way, or a radian. By itself such a
+    spring could not come to where it makes a torque offset needless that was found before it.
+    """
+    values = item.row.values
+    value = abs(values[name])
+    if name in ("rest", "phase"):
+        return max(value, way if name == "rest" else 1.0, 1e-9)
+    unit = {c.name: c.unit for c in effect_named(item.effect).columns}
+    same = [abs(values[c]) for c, u in unit.items() if u == unit[name] and np.isfinite(values[c])]
+    before = abs(item.absent.values[name]) if item.absent else 0.0
+    return max(value, 0.1 * max([before, *same]), 1e-9)
 
 
 def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | None = None) -> tuple[float, float]:

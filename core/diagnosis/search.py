@@ -35,7 +35,7 @@ from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
-from .refine import Refined, free_columns, refined, removal
+from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs
 
 Vector = NDArray[np.float64]
@@ -73,6 +73,8 @@ NONE = 1.0e-6
 PARTIAL = ("kinematic_error", "link_inertia", "payload")
 # names that are tried in the place of several
 MOST_CONDENSED = 4
+# findings in whose place others are put, and how many are tried in that of one
+MOST_SWAPPED, SWAPPED = 3, 2
 # picks that may come to nothing once all their numbers are free
 MOST_FAILED = 3
 # curved findings with so much evidence need not be taken out on trial
@@ -91,6 +93,7 @@ class Contender:
         left: What it leaves, in units of noise.
         shows: By how many standard deviations of everything together a plain amount of it changes what is said.
         closes: Part of what is left above noise of one channel, that of which it takes most.
+        told: How many numbers of it these runs tell.
     """
 
     hypothesis: Hypothesis
@@ -100,6 +103,7 @@ class Contender:
     left: Vector
     shows: float
     closes: float = 0.0
+    told: float = math.inf
 
     @property
     def earns(self) -> bool:
@@ -119,8 +123,8 @@ class Contender:
 
     @property
     def price(self) -> float:
-        """By what its energy is divided for the numbers that it needs."""
-        return 1.0 + DEARER * (self.numbers - 1)
+        """By what its energy is divided for the numbers that it needs and that these runs tell."""
+        return 1.0 + DEARER * (max(1.0, min(self.numbers, self.told)) - 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -218,6 +222,9 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         prune(state, *instead, parts)
         _gather(state, parts, tell)
     _condense(state, parts)
+    for _ in range(MOST_SWAPPED):
+        if not _swapped(state, parts):
+            break
     return state
 
 
@@ -308,6 +315,43 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         if fewer > 0 and worse < fewer * THRESHOLD + 2.0 * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
+
+
+def _swapped(state: Search, parts: Sequence[Part]) -> bool:
+    """Put another name in the place of a finding, where that says more or the same with less; whether there is one.
+
+    A cause is picked beside what was fitted by then: the largest alone may come before the one that goes with others.
+    """
+    if len(state.found) < 2:
+        return False
+    problem, whiten = state.problem, state.whiten
+    fit = refined(problem, whiten, state.found, parts)
+    sigma = spread(fit.left, parts)
+    for item in sorted(state.found, key=lambda one: one.gain):
+        if item.absent is None:
+            continue
+        moved = removal(fit, item.key, item.absent).rows
+        others = [replace(other, row=moved[other.key]) for other in state.found if other is not item]
+        beside = Search(problem, whiten, others, signatures=state.signatures, scales=state.scales, banned=state.banned)
+        beside.left = left_with(problem, whiten, rows_of(others))
+        own = fit.numbers_of(item.key)
+        beside.slope = np.delete(fit.slope, own, axis=1)
+        for contender in contenders(beside, parts, sorted(names_of_one(problem, *item.key)))[:SWAPPED]:
+            rows = contender.hypothesis.rows(contender.beta)
+            if rows is None or gained(fit.left, contender.left, sigma, parts) < -THRESHOLD:
+                continue
+            trial = [*others, _found(contender, rows)]
+            other = Search(problem, whiten)
+            prune(other, trial, refined(problem, whiten, trial, parts), parts)
+            if without_bodies(problem, other.found) or not other.found:
+                continue
+            dearer = THRESHOLD * (len(other.found) - len(state.found)) + 2.0 * (
+                other.slope.shape[1] - fit.slope.shape[1]
+            )
+            if gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
+                state.found, state.left, state.slope = other.found, other.left, other.slope
+                return True
+    return False
 
 
 def _best_alone(state: Search) -> float:
@@ -502,6 +546,7 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             rest,
             shows,
             _most_gone(left, rest, parts),
+            fit.told,
         )
         for gain, hypothesis, fit, rest, shows in order
     ]

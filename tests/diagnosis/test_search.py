@@ -28,6 +28,8 @@ from mbexport.core.diagnosis.search import (
     _likeliest,
     _most_gone,
     _ringing,
+    _swapped,
+    prune,
     rows_of,
     search,
     without_bodies,
@@ -104,6 +106,54 @@ def test_a_spring_that_rests_far_away_goes_with_all_of_its_torque():
     assert removal(fit, spring.key, NO_SPRING).loss == pytest.approx(loss, rel=0.1)
     # stiffness and rest alone are hardly known
     assert not vanished(fit, spring)
+
+
+@pytest.mark.parametrize("rest", [0.8, 0.0])
+def test_a_spring_says_where_it_rests_and_needs_no_torque_offset(rest):
+    """It may have come beside an offset, and rest at 0 then."""
+    asked = question(lambda t, q, dq: 0.5 * (q - rest), mode="unknown")
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    offset = Found(
+        "torque_offset", 1, EffectRow(1, {"torque": -0.5 * rest or 1e-3}), 50.0, EffectRow(1, {"torque": 0.0})
+    )
+    spring = Found("joint_spring", 1, EffectRow(1, {"stiffness": 0.5, "rest": 1e-7}), 50.0, NO_SPRING)
+    state = Search(asked, whiten)
+    prune(state, [offset, spring], refined(asked, whiten, [offset, spring], parts), parts)
+    assert [item.effect for item in state.found] == ["joint_spring"]
+    assert state.found[0].row.values["rest"] == pytest.approx(rest, abs=0.02)
+
+
+def test_what_no_run_shows_is_known_within_a_few_times_its_size():
+    """By a pseudo-inverse it would be known exactly, and could not be taken out for all the world."""
+    asked = question(lambda t, q, dq: 0.4 * dq)
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+    wave = {"amplitude": 1e-12, "cycles": 9.0, "phase": 0.0}
+    nothing = Found("torque_ripple", 1, EffectRow(1, wave), 1.0, EffectRow(1, {**wave, "amplitude": 0.0}))
+    fit = refined(asked, whiten, [rubs, nothing], parts)
+    sigma = {(one[0], one[2]): math.sqrt(fit.covariance[k, k]) for k, one in enumerate(fit.free)}
+    assert sigma["torque_ripple", "cycles"] > 9.0
+    assert sigma["viscous_friction", "coefficient"] < 0.01
+    assert removal(fit, nothing.key, nothing.absent).loss < 10.0
+
+
+def test_a_name_that_says_more_beside_the_others_is_put_in_the_place_of_one_picked_before():
+    """A mass at the arm's end, taken for a motor's constant while all of it stood beside friction alone."""
+    asked = question(lambda t, q, dq: 0.3 * math.tanh(dq / 1e-3) + 0.2 * math.sin(q), mode="unknown")
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    both = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
+        Found("torque_constant", 1, EffectRow(1, {"gain": 0.96}), 50.0, EffectRow(1, {"gain": 1.0})),
+    ]
+    state = Search(asked, whiten)
+    state.begin()
+    state.take(both, refined(asked, whiten, both, parts))
+    before = float(state.left @ state.left)
+    assert _swapped(state, parts)
+    assert {item.effect for item in state.found} & {"payload", "link_inertia"}
+    assert "torque_constant" not in {item.effect for item in state.found}
+    assert float(state.left @ state.left) < before - 20.0
+    assert not _swapped(state, parts)
 
 
 def test_evidence_of_some_runs_is_part_of_the_whole():
