@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import effect_named
+from ..effects import EffectRow, effect_named
 from .fit import blocks, gained, spread
-from .hypotheses import twins_of
+from .hypotheses import clamped, twins_of
 from .problem import Problem
 from .refine import Refined, refined
-from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, without_bodies
+from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, rows_of, without_bodies
 
 Vector = NDArray[np.float64]
 
@@ -83,16 +84,24 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         twin = one_body(problem, contender.hypothesis.key, item.key)
         if twin or more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
             near.setdefault(contender.hypothesis.key, contender)
-    out: list[Alike] = []
+    tried: list[Found] = []
     for contender in sorted(near.values(), key=lambda one: not one_body(problem, one.hypothesis.key, item.key))[:TRIED]:
         rows = contender.hypothesis.rows(contender.beta)
-        if rows is None:
-            continue
-        key = contender.hypothesis.key
-        other = refined(problem, whiten, [*state.found, Found(*key, rows[key[0]][0], contender.gain)], parts)
+        if rows is not None:
+            key = contender.hypothesis.key
+            tried.append(Found(*key, rows[key[0]][0], contender.gain))
+    there = {one.key for one in (*found, *tried)}
+    for drive in _drives_instead(problem, item):
+        left = whiten(problem.misfit(rows_of([*state.found, drive])))
+        if drive.key not in there and float(left @ left) - whole < FIRST_LOOK * energy:
+            tried.append(drive)
+    out: list[Alike] = []
+    for one in tried:
+        key = one.key
+        other = refined(problem, whiten, [*state.found, one], parts)
         worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
-        named = Found(*key, other.rows[key], contender.gain)
+        named = replace(one, row=other.rows[key])
         if one_body(problem, key, item.key):
             out.append(Alike(named, worse, leaves, one_body=True))
             continue
@@ -103,6 +112,25 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         if same and leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
+
+
+def _drives_instead(problem: Problem, item: Found) -> list[Found]:
+    """Drives as stiff as an arm or a bearing that was found: a joint's own axis may be the one that gives.
+
+    Signatures of springs hold near their own stiffness only, and a drive was hardly tried there.
+    """
+    directions = {"link_flexibility": ("ku", "kv"), "joint_compliance_6d": ("krx", "kry", "krz")}.get(item.effect, ())
+    springs = [
+        {"stiffness": item.row.values[name], "damping": item.row.values["b" + name[1:]]}
+        for name in directions
+        if math.isfinite(item.row.values[name])
+    ]
+    return [
+        Found("joint_compliance", at, EffectRow(at, spring), item.gain)
+        for spring in springs
+        for at in range(1, problem.database.n + 1)
+        if problem.row_at("joint_compliance", at, {}) is None and not clamped(problem, at)
+    ]
 
 
 def _cosine(one: Vector, other: Vector) -> float:

@@ -36,17 +36,16 @@ Vector = NDArray[np.float64]
 EXACT = 0.01
 UNREAL = "needs a body that cannot exist"
 GONE = "no gain on held-out data"
+NOT_EXCITED = "not excited by the held-out runs"
 CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
-# dry friction; by what part of it a motor may need more there than back; and by what part of itself a torque changes at
-# most that may be that
-DRY = ("coulomb_friction", "stribeck_friction", "hysteresis")
-LOPSIDED, STEADY = 0.25, 0.5
-UNEVEN = "no more than friction that is not the same both ways"
+OTHER_LAW = "no more than what is left where the law of another finding at its joint has another form"
+# part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs
+MOST_LEFT = 0.4
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
@@ -313,14 +312,14 @@ class Judge:
             if not self.by_bands:
                 # along a motion a delay is hardly told from stamps; what it does to a loop, simulation knows
                 needed |= {item.key for item in kept if item.effect == "delay"}
+            theirs = [k for k, item in enumerate(kept) if item.key not in needed and unseen.own[k] < MOST_LEFT]
+            if theirs:
+                item = kept.pop(min(theirs, key=lambda k: unseen.own[k]))
+                dropped.append(Rejected(item.effect, item.place, OTHER_LAW))
+                continue
             gains = [math.inf if item.key in needed else gain for item, gain in zip(kept, unseen.gains, strict=True)]
             worst = min(range(len(kept)), key=lambda k: gains[k])
             if gains[worst] >= EARNS:
-                uneven = next((item for item in kept if item.key not in needed and self._uneven(kept, item)), None)
-                if uneven is not None:
-                    kept.remove(uneven)
-                    dropped.append(Rejected(uneven.effect, uneven.place, UNEVEN))
-                    continue
                 # no law of another form is late
                 shares = [
                     math.inf if item.effect == "delay" or item.key in needed else share
@@ -343,23 +342,9 @@ class Judge:
                 trusted[kept[worst].key] = gain
                 continue
             item = kept.pop(worst)
-            why = "not excited by the held-out runs" if still else GONE
+            why = NOT_EXCITED if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
-        return [], Unseen((), (), (), tuple(() for _ in self.ways)), tuple(dropped)
-
-    def _uneven(self, found: Sequence[Found], item: Found) -> bool:
-        """Whether it is a torque that hardly changes where dry friction was found, and a small part of that."""
-        values, i = item.row.values, item.at - 1
-        rubs = sum(one.row.values["torque"] for one in found if one.effect in DRY and one.at == item.at)
-        if item.effect == "torque_offset":
-            pulls = np.array([values["torque"]])
-        elif item.effect == "joint_spring":
-            q = np.concatenate([run.q[:, i] for run in self.whole.evidence.runs])
-            pulls = values["stiffness"] * (q - values["rest"])
-        else:
-            return False
-        mean = abs(float(np.mean(pulls)))
-        return float(np.ptp(pulls)) < STEADY * mean and mean <= LOPSIDED * rubs
+        return [], Unseen((), (), (), (), tuple(() for _ in self.ways)), tuple(dropped)
 
     def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
         """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.
@@ -376,8 +361,8 @@ class Judge:
             whole = problem(self.database, self.level, parts)
             whiten = whitening(whole)
         worth = judged(whole, whiten, found, splits(len(whole.evidence.runs), 0))
-        holds = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.open < OTHER_FORM
-        return worth.gains[k] if holds else None
+        earns = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.own[k] >= MOST_LEFT
+        return worth.gains[k] if earns and worth.open < OTHER_FORM else None
 
     def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -451,7 +436,9 @@ def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Fo
     helps: list[float] = []
     for item, gain in zip(found, gains, strict=True):
         help_there = total - (how_far.without.get(name_of(item)) or 0.0)
-        helps.append(help_there - (HELPS if gain < BEYOND_DOUBT else -HARMS))
+        # of a delay evidence knows nothing: what is stamped a tick late says as much
+        doubted = gain < BEYOND_DOUBT or item.effect == "delay"
+        helps.append(help_there - (HELPS if doubted else -HARMS))
     least = int(np.argmin(helps))
     plain = total > PLAINLY and gains[least] >= BEYOND_DOUBT
     return found[least] if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None

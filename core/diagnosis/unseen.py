@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow
 from ..recording import Run
 from .fit import Part, blocks, edges_of, gained, spread
+from .forms import beyond_forms
 from .gap import shows_in_band
 from .nuisances import Whitening
 from .problem import FAR, Problem
@@ -51,6 +52,8 @@ class Unseen:
         moves: By how many standard deviations each changes what is said there.
         shares: What part of a channel's gap each takes away there, of the channel of which it takes most; 1 where it is
             what closes one.
+        own: What part of all that each takes away no other form of another finding's law can take; 1 where there is
+            none that might.
         rows: For each split, the rows that were fitted without its unseen runs.
         open: Part of the gap's energy along the motion, above noise, that all findings leave there.
         stands_out: Whether a band of what they leave there is far above noise.
@@ -59,6 +62,7 @@ class Unseen:
     gains: tuple[float, ...]
     moves: tuple[float, ...]
     shares: tuple[float, ...]
+    own: tuple[float, ...]
     rows: tuple[tuple[EffectRow, ...], ...]
     open: float = 1.0
     stands_out: bool = False
@@ -99,7 +103,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     """
     gains = np.zeros(len(found))
     moves = np.zeros(len(found))
-    shares = np.zeros(len(found))
+    shares, taken, own = (np.zeros(len(found)) for _ in range(3))
     rows: list[tuple[EffectRow, ...]] = []
     loud, still, stands_out = 0.0, 0.0, False
     for way in ways:
@@ -127,11 +131,19 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 refit = seen.fit(others).rows
                 rest = unseen.left([replace(other, row=refit[other.key]) for other in others])
             gains[k] += gained(rest, left, sigma, unseen.parts)
-            closes = _closes(rest, left, unseen.parts)
-            shares[k] = max(shares[k], 1.0 if closes else _share(nothing, rest, left, unseen.parts))
+            shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
+            forms = beyond_forms(unseen.problem, unseen.whiten, whole, k)
+            taken[k] += _energy(rest) - _energy(left)
+            own[k] += _energy(rest) - _energy(left) if forms is None else _energy(forms(rest)) - _energy(forms(left))
     part = min(1.0, max(0.0, still / loud)) if loud > 0.0 else 1.0
     return Unseen(
-        tuple(gains.tolist()), tuple(np.sqrt(moves).tolist()), tuple(shares.tolist()), tuple(rows), part, stands_out
+        tuple(gains.tolist()),
+        tuple(np.sqrt(moves).tolist()),
+        tuple(shares.tolist()),
+        tuple(np.divide(own, taken, out=np.ones(len(found)), where=taken > 0.0).tolist()),
+        tuple(rows),
+        part,
+        stands_out,
     )
 
 
@@ -175,13 +187,22 @@ def fall_short(
     return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
 
 
+def _energy(left: Vector) -> float:
+    return float(left @ left)
+
+
 def _moved(other: Vector, left: Vector, sigma: Vector) -> float:
     """By how many standard deviations of everything together another rest differs from what is left."""
     return float(np.linalg.norm((other - left) / sigma))
 
 
 def _share(nothing: Vector, rest: Vector, left: Vector, parts: Sequence[Part]) -> float:
-    """The largest part of a channel's gap, noise taken off, that goes from what the others leave to what all leave."""
+    """The largest part of a channel's gap, noise taken off, that goes from what the others leave to what all leave.
+
+    1 where it is what closes one.
+    """
+    if _closes(rest, left, parts):
+        return 1.0
     taken = 0.0
     for begin, end in edges_of(parts):
         gap = max(float(np.sum(nothing[begin:end] ** 2)), float(np.sum(rest[begin:end] ** 2))) - (end - begin)

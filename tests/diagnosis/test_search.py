@@ -11,10 +11,10 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import refine
-from mbexport.core.diagnosis.alike import Alike, alike
+from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
-from mbexport.core.diagnosis.held import UNEVEN, Judge
+from mbexport.core.diagnosis.held import OTHER_LAW, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.nuisances import whitening
@@ -531,7 +531,36 @@ def test_friction_that_is_not_the_same_both_ways_is_no_second_cause(second, row,
     ]
     found, _, dropped = judge._kept(both)
     assert [item.effect for item in found] == [item.effect for item in both[:kept]]
-    assert [item.why for item in dropped] == [UNEVEN] * (2 - kept)
+    assert [item.why for item in dropped] == [OTHER_LAW] * (2 - kept)
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "kept"), [(0.0, ["viscous_friction"]), (0.3, ["viscous_friction", "coulomb_friction"])]
+)
+def test_what_bends_with_speed_is_no_friction_of_another_name(coulomb, kept):
+    """A damper that yields by a third at its fastest; beside it, real dry friction stays."""
+
+    def against(t, q, dq):
+        return 0.5 * dq / (1.0 + 0.15 * abs(dq)) + coulomb * math.tanh(dq / 1e-3)
+
+    runs = [pendulum_run("unknown", against, seed=k) for k in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+    both = [
+        Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0),
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.05 + coulomb}), 50.0),
+    ]
+    found, _, dropped = judge._kept(both)
+    assert [item.effect for item in found] == kept
+    assert [item.why for item in dropped] == [OTHER_LAW] * (2 - len(kept))
+
+
+def test_a_drive_as_stiff_as_an_arm_is_tried_in_its_place():
+    asked = question()
+    arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5}
+    (drive,) = _drives_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
+    assert (drive.key, drive.row.values) == (("joint_compliance", 1), {"stiffness": 900.0, "damping": 0.5})
+    assert _drives_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
 
 
 def test_a_number_that_stayed_where_it_began_has_not_been_judged():
