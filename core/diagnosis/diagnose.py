@@ -35,8 +35,8 @@ from .diagnosis import (
 from .experiment import Experiment, design
 from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
-from .held import HARMS, HELPS, UNREAL, Held, Judge
-from .model import level_rows, merged, robot_of
+from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
+from .model import Rows, level_rows, merged, robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
@@ -44,9 +44,9 @@ from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
-from .search import THRESHOLD, Contender, Found, Search, place_of, rows_of, search
+from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
-from .unseen import NOTHING, OTHER_FORM, in_parts, splits
+from .unseen import NOTHING, OTHER_FORM, Split, in_parts, splits
 from .words import variable_in_words
 
 Vector = NDArray[np.float64]
@@ -70,6 +70,14 @@ NEARLY_STILL = 0.05
 UNSEEN = (
     "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move, and "
     "no fit could see its cause. Hold another run out, or record one more that moves alike."
+)
+LEFT_UNSEEN = (
+    "What is left stands in the held-out runs alone: the others show next to nothing of it where their joints move, "
+    "and no fit could see its cause. Hold another run out, or record one more that moves alike."
+)
+UNHELD = (
+    "The gap stands in runs that were fitted: {names} would explain it there, but the held-out runs do not excite it, "
+    "so that nothing confirms it. Hold out a run that does."
 )
 SEEN_APART = (
     "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move. So "
@@ -160,7 +168,7 @@ class _Diagnosing:
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer; of the held-out runs in parts where these alone show the gap."""
         answer = self._of(runs, holdout)
-        if UNSEEN not in answer.notes:
+        if not {UNSEEN, LEFT_UNSEEN} & set(answer.notes):
             return answer
         apart = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
         if not apart.which or apart.unexplained.share > UNDERSTOOD:
@@ -187,7 +195,6 @@ class _Diagnosing:
         parts = blocks(seen.evidence)
         if judge.by_bands:
             loud = shows_in_band(state.left, parts)
-        nearly_alone = bool(holdout) and self._nearly_alone(state, whole, whiten, ways[0].unseen)
         state, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
@@ -205,9 +212,15 @@ class _Diagnosing:
         after = held.after
         # what no run that judges shows clearly is nothing to explain
         gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
-        verdict = _verdict(held, gap)
-        if verdict == "unexplained" and (fitted.is_noise or nearly_alone):
+        unheld = [] if fitted.is_noise else _unheld(state.found, held)
+        verdict = _verdict(held, gap or bool(unheld))
+        alone = bool(holdout) and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
+        if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
             notes.append(UNSEEN)
+        elif verdict == "unexplained" and not gap:
+            notes.append(UNHELD.format(names=" and ".join(f"{item.effect} at {item.place}" for item in unheld)))
+        elif verdict == "partly_explained" and alone:
+            notes.append(LEFT_UNSEEN)
         notes += outside_names(held.found)
         effects = rows_of(held.found)
         return Diagnosis(
@@ -271,10 +284,11 @@ class _Diagnosing:
         return state, held
 
     @staticmethod
-    def _nearly_alone(state: Search, whole: Problem, whiten: Whitening, unseen: Sequence[int]) -> bool:
-        """Whether the held-out runs show nearly all of the gap: joints that stand are not compared, and others move."""
-        there = whiten.only(whole.evidence.places(unseen))(whole.only(unseen).residual({}))
-        loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, state.left))
+    def _nearly_alone(seen: Problem, whole: Problem, whiten: Whitening, way: Split, rows: Rows) -> bool:
+        """Whether the held-out runs show nearly all that rows leave: joints that stand are not compared."""
+        fitted = whiten.only(whole.evidence.places(way.seen))(seen.residual(rows))
+        there = whiten.only(whole.evidence.places(way.unseen))(whole.only(way.unseen).residual(rows))
+        loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, fitted))
         return len(there) > 0 and loud > 0.0 and quiet < NEARLY_STILL * loud
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
@@ -407,6 +421,13 @@ def _drawable(overlay: Overlay) -> Overlay:
 def outside_names(found: Sequence[Found]) -> list[str]:
     """What else findings may be that is in no catalogue."""
     return [RINGS] if any(item.effect == BEARING for item in found) else []
+
+
+def _unheld(found: Sequence[Found], held: Held) -> list[Found]:
+    """What the fitted runs show beyond doubt and the held-out ones do not excite, where nothing holds."""
+    silent = {(item.effect, item.at) for item in held.dropped if item.why == NOT_EXCITED}
+    there = [item for item in found if (item.effect, item.place) in silent and item.gain >= BEYOND_DOUBT]
+    return [] if held.found else there
 
 
 def _verdict(held: Held, gap: bool) -> Verdict:

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,12 +12,12 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
-from mbexport.core.diagnosis.diagnosis import HowFar
-from mbexport.core.diagnosis.held import _idle
+from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
+from mbexport.core.diagnosis.held import NOT_EXCITED, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Found, Search
-from mbexport.core.diagnosis.unseen import in_parts, splits
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.unseen import Split, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
@@ -104,10 +105,8 @@ def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_n
     def asked(first, second):
         given = [*runs(first, seeds=(1,)), *runs(second, seeds=(2,))]
         whole = problem(load("pendulum"), "rigid", given)
-        whiten = whitening(whole)
-        state = Search(whole.only([0]), whiten.only(whole.evidence.places([0])))
-        state.begin()
-        return diagnose._Diagnosing._nearly_alone(state, whole, whiten, [1])
+        way = Split((0,), (1,))
+        return diagnose._Diagnosing._nearly_alone(whole.only([0]), whole, whitening(whole), way, {})
 
     def rubs(t, q, dq):
         return 0.4 * dq
@@ -249,3 +248,22 @@ def test_delays_and_springs_go_where_simulation_has_no_gap_for_them_to_close(eff
     rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 50.0)
     assert _idle([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
     assert _idle([rubs], (20.0,), far(None, {}, None)) is None
+
+
+def test_a_delay_that_does_not_help_goes_whatever_its_evidence():
+    """A torque stamped one tick late says as much along the motion."""
+    late, rubs = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("delay", "coulomb_friction"))
+    names = (f"delay {late.place}", f"coulomb_friction {rubs.place}")
+    idle = dict(zip(names, (0.9, 0.1), strict=True))
+    assert _idle([late, rubs], (500.0, 20.0), far(0.9, idle, (0.8, 0.95))) is late
+    helps = dict(zip(names, (0.5, 0.1), strict=True))
+    assert _idle([late, rubs], (0.0, 20.0), far(0.9, helps, (0.8, 0.95))) is None
+
+
+@pytest.mark.parametrize(("gain", "why", "said"), [(500.0, NOT_EXCITED, 1), (20.0, NOT_EXCITED, 0), (500.0, "", 0)])
+def test_what_no_held_out_run_excites_is_no_gap_that_is_not_there(gain, why, said):
+    clipped = Found("torque_limit", 1, EffectRow(1, {"torque": 5.0}), gain)
+    held = SimpleNamespace(found=(), dropped=(Rejected("torque_limit", "joint_1", why),))
+    assert len(diagnose._unheld([clipped], held)) == said
+    held.found = (clipped,)
+    assert diagnose._unheld([clipped], held) == []
