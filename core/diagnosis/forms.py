@@ -50,7 +50,8 @@ def beyond_forms(
         k: Its place.
     """
     item = found[k]
-    if effect_named(item.effect).key != "joint":
+    if effect_named(item.effect).key != "joint" or item.effect == "torque_limit":
+        # where a drive stands at its limit no law of another form says so
         return None
     every = problem.spoken(rows_of(found))
     sizes: dict[int, float] = {}

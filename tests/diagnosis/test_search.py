@@ -14,6 +14,7 @@ from mbexport.core.diagnosis import refine
 from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
+from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.held import OTHER_LAW, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
@@ -553,6 +554,17 @@ def test_what_bends_with_speed_is_no_friction_of_another_name(coulomb, kept):
     found, _, dropped = judge._kept(both)
     assert [item.effect for item in found] == kept
     assert [item.why for item in dropped] == [OTHER_LAW] * (2 - len(kept))
+
+
+def test_no_other_form_of_a_law_stands_at_a_limit():
+    asked = question(lambda t, q, dq: 0.5 * dq)
+    both = [
+        Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.5}), 50.0),
+        Found("torque_limit", 1, EffectRow(1, {"torque": 5.0}), 50.0),
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.01}), 50.0),
+    ]
+    said = [beyond_forms(asked, whitening(asked), both, k) is None for k in range(3)]
+    assert said == [True, True, False]
 
 
 def test_a_drive_as_stiff_as_an_arm_is_tried_in_its_place():
