@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
-from ..build import assembled
+from ..build import CONTACT_DAMPING_RATIO, assembled
 from ..database import Database, FrozenMap
 from ..effects import EffectRow, effect_named
 from ..errors import UsageError
@@ -26,10 +27,29 @@ def robot_of(database: Database, level: str, run: Run, effects: Rows | None = No
     Raises:
         UsageError: No such level.
     """
-    robot = assembled(database, merged(level_rows(database, level), effects or {}))
+    rows = merged(level_rows(database, level), effects or {})
+    robot = assembled(database, rows)
     if run.payload:
         robot = effect_named("payload").apply(robot, (EffectRow(0, FrozenMap(run.payload)),))
-    return robot
+    return _held(robot, rows)
+
+
+def _held(robot: Robot, rows: Rows) -> Robot:
+    """The robot, the contacts that stand for rigid gears with an error damped critically.
+
+    As hard as play's, which rings on for many ticks, such a contact and a quick controller of a light motor drive each
+    other to where no rigid gear goes.
+    """
+    soft = {row.at for name in ("joint_compliance", "joint_compliance_6d", "backlash") for row in rows.get(name, ())}
+    stages = list(robot.stages)
+    for row in rows.get("transmission_error", ()):
+        stage = stages[row.at - 1]
+        spring = stage.drive.spring
+        if spring is None or row.at in soft:
+            continue
+        damped = replace(spring, damping=spring.damping / CONTACT_DAMPING_RATIO)
+        stages[row.at - 1] = replace(stage, drive=replace(stage.drive, spring=damped))
+    return replace(robot, stages=tuple(stages))
 
 
 def level_rows(database: Database, level: str) -> dict[str, tuple[EffectRow, ...]]:

@@ -45,6 +45,23 @@ def test_friction_that_the_model_has_is_no_gap_and_one_that_it_lacks_is():
     assert rms(residuals(run, resimulated(base, base, run, "mjcf"))["q"]) > 20.0 * NOISE["q"]
 
 
+def test_a_gear_with_a_small_error_is_as_good_as_rigid_to_a_quick_controller():
+    """Its contact rang on from tick to tick, and a light motor's damping drove it to 350 N m."""
+    run = pendulum_run("pd")
+    quick = replace(run, control=replace(run.control, kp=(392.0,), kd=(14.0,)))
+    rotor = {"rotor_inertia": [EffectRow(1, FrozenMap({"inertia": 0.004}))]}
+    rigid = robot(quick, **rotor)
+    gear = {"transmission_error": [EffectRow(1, FrozenMap({"amplitude": 8.0e-4, "cycles": 41.0, "phase": 0.0}))]}
+    nearly = robot(quick, **rotor, **gear)
+    left = [resimulated(one, rigid, quick, "mjcf") for one in (rigid, nearly)]
+    assert np.abs(left[0]["q"] - left[1]["q"]).max() < 2.0e-3
+    assert np.abs(left[0]["tau"] - left[1]["tau"]).max() < 2.0
+    # what gives by itself keeps its own damping
+    spring = {"joint_compliance": [EffectRow(1, FrozenMap({"stiffness": 900.0, "damping": 0.1}))]}
+    soft = robot(quick, **rotor, **gear, **spring)
+    assert soft.stages[0].drive.spring.damping == 0.1
+
+
 def test_stamps_that_jitter_miss_and_lack_a_clock():
     stamps = np.cumsum(np.random.default_rng(5).uniform(0.002, 0.006, 900))
     stamps = np.concatenate([[0.0], stamps[stamps < 3.9]])
