@@ -340,7 +340,8 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
             rows = contender.hypothesis.rows(contender.beta)
             if rows is None or gained(fit.left, contender.left, sigma, parts) < -THRESHOLD:
                 continue
-            trial = [*others, _found(contender, rows)]
+            # more numbers of a finding that is there are no second one
+            trial = _beside_or_more(others, [_found(contender, rows)])
             other = Search(problem, whiten)
             prune(other, trial, refined(problem, whiten, trial, parts), parts)
             if without_bodies(problem, other.found) or not other.found:

@@ -11,6 +11,7 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import refine
+from mbexport.core.diagnosis import search as searching
 from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
@@ -155,6 +156,28 @@ def test_a_name_that_says_more_beside_the_others_is_put_in_the_place_of_one_pick
     assert "torque_constant" not in {item.effect for item in state.found}
     assert float(state.left @ state.left) < before - 20.0
     assert not _swapped(state, parts)
+
+
+def test_more_numbers_of_a_finding_in_the_place_of_another_are_no_second_one(monkeypatch):
+    """Of an effect that may be found with some of its numbers."""
+    asked = question()
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    body = EffectRow(1, dict.fromkeys(COLUMNS, 0.0) | {"mass": 0.05})
+    both = [
+        Found("link_inertia", 1, body, 50.0, EffectRow(1, dict.fromkeys(COLUMNS, 0.0))),
+        Found("torque_offset", 1, EffectRow(1, {"torque": 0.1}), 50.0, EffectRow(1, {"torque": 0.0})),
+    ]
+    state = Search(asked, whiten)
+    state.begin()
+    state.take(both, refined(asked, whiten, both, parts))
+    trials = []
+    fuller = Hypothesis("link_inertia", 1, "all", lambda beta: dict(body.values), np.ones(1), np.zeros(1))
+    contender = Contender(fuller, 90.0, 1.0, np.ones(1), state.left, 1.0)
+    monkeypatch.setattr(searching, "contenders", lambda *beside: [contender])
+    monkeypatch.setattr(searching, "prune", lambda other, trial, *rest: trials.append([item.key for item in trial]))
+    assert not _swapped(state, parts)
+    assert [("link_inertia", 1)] in trials
+    assert all(len(set(trial)) == len(trial) for trial in trials)
 
 
 def test_evidence_of_some_runs_is_part_of_the_whole():
