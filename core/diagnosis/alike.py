@@ -92,9 +92,12 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             tried.append(Found(*key, rows[key[0]][0], contender.gain))
     there = {one.key for one in (*found, *tried)}
     for drive in _drives_instead(problem, item):
+        if drive.key in there:
+            continue
         left = whiten(problem.misfit(rows_of([*state.found, drive])))
-        if drive.key not in there and float(left @ left) - whole < FIRST_LOOK * energy:
+        if float(left @ left) - whole < FIRST_LOOK * energy:
             tried.append(drive)
+            there.add(drive.key)
     out: list[Alike] = []
     for one in tried:
         key = one.key
@@ -115,7 +118,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
 
 
 def _drives_instead(problem: Problem, item: Found) -> list[Found]:
-    """Drives as stiff as an arm or a bearing that was found: a joint's own axis may be the one that gives.
+    """Turning drives as stiff as an arm or a bearing that was found: a joint's own axis may be the one that gives.
 
     Signatures of springs hold near their own stiffness only, and a drive was hardly tried there.
     """
@@ -128,8 +131,8 @@ def _drives_instead(problem: Problem, item: Found) -> list[Found]:
     return [
         Found("joint_compliance", at, EffectRow(at, spring), item.gain)
         for spring in springs
-        for at in range(1, problem.database.n + 1)
-        if problem.row_at("joint_compliance", at, {}) is None and not clamped(problem, at)
+        for at, joint in enumerate(problem.database.joints, 1)
+        if joint.kind == "revolute" and problem.row_at("joint_compliance", at, {}) is None and not clamped(problem, at)
     ]
 
 

@@ -214,7 +214,8 @@ class _Diagnosing:
         gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         unheld = [] if fitted.is_noise else _unheld(state.found, held)
         verdict = _verdict(held, gap or bool(unheld))
-        alone = bool(holdout) and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
+        left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
+        alone = left_open and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
         if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
             notes.append(UNSEEN)
         elif verdict == "unexplained" and not gap:

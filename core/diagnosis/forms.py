@@ -53,11 +53,11 @@ def beyond_forms(
     if effect_named(item.effect).key != "joint" or item.effect == "torque_limit":
         # where a drive stands at its limit no law of another form says so
         return None
+    at_joint = [j for j, one in enumerate(found) if one.at == item.at and effect_named(one.effect).key == "joint"]
+    if at_joint == [k]:
+        return None
     every = problem.spoken(rows_of(found))
-    sizes: dict[int, float] = {}
-    for other, one in enumerate(found):
-        if one.at == item.at and effect_named(one.effect).key == "joint":
-            sizes[other] = _size(every, _without(problem, found, other), item.at)
+    sizes = {j: _size(every, _without(problem, found, j), item.at) for j in at_joint}
     columns: list[Vector] = []
     for other, size in sizes.items():
         if other != k and size > sizes[k]:

@@ -595,6 +595,10 @@ def test_a_drive_as_stiff_as_an_arm_is_tried_in_its_place():
     arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5}
     (drive,) = _drives_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
     assert (drive.key, drive.row.values) == (("joint_compliance", 1), {"stiffness": 900.0, "damping": 0.5})
+    slide = replace(
+        asked, database=replace(asked.database, joints=(replace(asked.database.joints[0], kind="prismatic"),))
+    )
+    assert _drives_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0)) == []
     assert _drives_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
 
 
