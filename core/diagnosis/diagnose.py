@@ -28,7 +28,6 @@ from .diagnosis import (
     Parameter,
     Rejected,
     Rival,
-    Score,
     Unexplained,
     Verdict,
 )
@@ -44,6 +43,7 @@ from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
+from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .unseen import NOTHING, OTHER_FORM, Split, in_parts, splits
@@ -247,7 +247,7 @@ class _Diagnosing:
             effects=effects,
             corrected=with_effects(self.database, merged(self.database.effects, effects)),
             notes=tuple(notes),
-            scores=_scores(state, held.found),
+            scores=scores(state, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay) for overlay in held.overlays),
         )
 
@@ -490,20 +490,6 @@ def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
     for contender in state.first:
         best.setdefault(contender.hypothesis.key, contender)
     return best
-
-
-def _scores(state: Search, found: Sequence[Found]) -> tuple[Score, ...]:
-    """How well each effect at each place does alone."""
-    there = {(item.effect, item.at): item for item in found}
-    return tuple(
-        Score(
-            effect,
-            place_of(effect, at),
-            one.explains,
-            probability(there[effect, at].gain, math.inf) if (effect, at) in there else 0.0,
-        )
-        for (effect, at), one in sorted(_best_forms(state).items())
-    )
 
 
 def _unexplained(verdict: Verdict, after: Gap, held: Held) -> Unexplained:

@@ -151,9 +151,14 @@ class DiagnosisCause(Section):
         pictures, scores = _there(dependence_picture(answer)), scores_by_effect(answer)
         if answer.verdict == "no_gap" or not (pictures or scores):
             return {}
-        shown = {name: places for name, places in scores.items() if max(x for x, _ in places.values()) >= SHOWN}
-        numbers = sorted({_number(at) for places in shown.values() for at in places if at != "robot"})
         found = {(finding.effect, finding.at) for finding in answer.which}
+        named = {finding.effect for finding in answer.which}
+        shown = {
+            name: places
+            for name, places in scores.items()
+            if name in named or max(share for share, _ in places.values()) >= SHOWN
+        }
+        numbers = sorted({_number(at) for places in shown.values() for at in places if at != "robot"})
         alike = {(rival.effect, rival.at) for finding in answer.which for rival in finding.indistinguishable_from}
         rows: list[dict[str, Any]] = []
         for name, places in shown.items():
@@ -192,7 +197,7 @@ def _cell(
     share, probability = places[at]
     mark = "found" if (effect, at) in found else "alike" if (effect, at) in alike else ""
     return {
-        "share": f"{100.0 * share:.0f}" if share >= SHOWN else "",
+        "share": f"{100.0 * share:.0f}" if share >= SHOWN or mark == "found" else "",
         # the deeper, the more it explains; text stays readable on all of them
         "shade": f"{min(max(share, 0.0), 1.0) * 0.55:.2f}",
         "mark": mark,
