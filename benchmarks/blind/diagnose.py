@@ -13,6 +13,7 @@ import json
 import os
 import signal
 import time
+import traceback
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -39,6 +40,9 @@ def diagnose(case: Path, out: Path, backend: str) -> str:
         write(out / case.name / "diagnosis.json", found.to_json())
     except (MbexportError, TimeoutError) as error:
         code, said = 2, str(error)
+    except Exception:
+        # a fault of ours is a case without an answer, and no reason to stop
+        code, said = 1, traceback.format_exc()
     finally:
         signal.alarm(0)
     seconds = time.perf_counter() - begin

@@ -46,8 +46,8 @@ from .resimulate import residuals, resimulated
 from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
-from .unseen import NOTHING, OTHER_FORM, Split, in_parts, splits
-from .words import variable_in_words
+from .unseen import NOTHING, OTHER_FORM, Bent, Split, in_parts, splits
+from .words import cause_in_words, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -92,6 +92,8 @@ RINGS = (
 )
 # how often evidence beyond doubt is of something else: in 4 of 63 findings on the set of the blind bank for tuning
 ELSEWHERE = 0.06
+# of a number one standard deviation at least, as part of it: what another integrator's step and hold move it by
+FINEST = 1.0e-3
 # of a run that can be compared
 FEWEST_ROWS, SHORTEST = 50, 0.5
 # names of a finding that are tried as the truth in simulation
@@ -213,7 +215,8 @@ class _Diagnosing:
         # what no run that judges shows clearly is nothing to explain
         gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         unheld = [] if fitted.is_noise else _unheld(state.found, held)
-        verdict = _verdict(held, gap or bool(unheld))
+        form = judge.other_form(held)
+        verdict = _verdict(held, gap or bool(unheld), form)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
         alone = left_open and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
         if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
@@ -235,7 +238,7 @@ class _Diagnosing:
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
             how_far=held.how_far,
-            unexplained=_unexplained(verdict, after or before, held),
+            unexplained=_unexplained(verdict, after or before, held, form),
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
@@ -431,10 +434,10 @@ def _unheld(found: Sequence[Found], held: Held) -> list[Found]:
     return [] if held.found else there
 
 
-def _verdict(held: Held, gap: bool) -> Verdict:
-    """The verdict, from what holds and whether there was a gap."""
+def _verdict(held: Held, gap: bool, form: Bent | None) -> Verdict:
+    """The verdict, from what holds, whether there was a gap, and which other form of a law what is left goes as."""
     if held.found:
-        return "explained" if held.adequate else "partly_explained"
+        return "explained" if held.adequate or form else "partly_explained"
     return "unexplained" if gap else "no_gap"
 
 
@@ -445,7 +448,8 @@ def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Se
     for k in fit.numbers_of(item.key):
         if fit.shown[k]:
             name = fit.free[k][2]
-            value, half = item.row.values[name], 1.96 * math.sqrt(max(float(fit.covariance[k, k]), 0.0))
+            value = item.row.values[name]
+            half = 1.96 * math.hypot(math.sqrt(max(float(fit.covariance[k, k]), 0.0)), FINEST * value)
             least, most = range_of(item.effect, name)
             parameters[name] = Parameter(value, (max(value - half, least), min(value + half, most)), units[name])
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)
@@ -492,11 +496,14 @@ def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
     return best
 
 
-def _unexplained(verdict: Verdict, after: Gap, held: Held) -> Unexplained:
+def _unexplained(verdict: Verdict, after: Gap, held: Held, form: Bent | None) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
     if verdict == "no_gap" or held.open == 0.0:
         return Unexplained(0.0, {}, "")
     joints = {name: joint.share for name, joint in after.where.joints.items() if joint.share > 0.0}
+    if form:
+        item = held.found[form.place]
+        return Unexplained(held.open, joints, f"{cause_in_words(item.effect, item.place)}, which {form.said}")
     goes = after.where.depends_on[:2]
     looks = " and ".join(f"a function of {variable_in_words(one.variable)}" for one in goes if one.strength > 0.1)
     return Unexplained(held.open, joints, looks or "nothing that one variable explains")

@@ -3,13 +3,13 @@
 Real laws are not those of the catalogue to the last part: friction may be another one there than back, a spring may
 stiffen on its way, a damper yield with speed, a gear's error come twice a turn as well. For every finding these are
 columns, the change of the residual for as much of each as is plain; no more of them is taken out of what is left, with
-another finding at its joint and without.
+another finding at its joint and without. And what all findings leave may be theirs alone: then no cause is missing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -38,6 +38,27 @@ _POWERS: dict[str, tuple[float, ...]] = {
 }
 
 
+ASIDE_SAID = "is not the same both ways"
+DRIVEN_SAID = "is another one where it drives than where it is driven"
+BENT_SAID = "goes with another power of what it goes with"
+TWICE_SAID = "comes twice as often as well"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """Another form of a finding's law.
+
+    Attributes:
+        said: What is then said of it: "<effect> at <place> ..."; "" where only its amount or its phase is another one.
+        column: The change of the residual for as much of it as is plain, in units of noise, shape (N,).
+        within: How much of that there may be.
+    """
+
+    said: str
+    column: Vector
+    within: tuple[float, float] = (-1.0, 1.0)
+
+
 def beyond_forms(
     problem: Problem, whiten: Whitening, found: Sequence[Found], k: int
 ) -> Callable[[Vector], Vector] | None:
@@ -58,20 +79,68 @@ def beyond_forms(
         return None
     every = problem.spoken(rows_of(found))
     sizes = {j: _size(every, _without(problem, found, j), item.at) for j in at_joint}
-    columns: list[Vector] = []
-    for other, size in sizes.items():
-        if other != k and size > sizes[k]:
-            columns += _columns(problem, found, other, every)
-    if not columns:
+    larger = [j for j, size in sizes.items() if j != k and size > sizes[k]]
+    forms = [form for j in larger for form in _forms(problem, found, j, every)]
+    if not forms:
         return None
-    slope = whiten(np.column_stack(columns))
+    slope = whiten(np.column_stack([form.column for form in forms]))
 
     def beyond(left: Vector) -> Vector:
-        optimize: Any = import_module("scipy.optimize")
-        part = optimize.lsq_linear(slope, -left, bounds=(-1.0, 1.0))
-        return np.asarray(left + slope @ part.x, dtype=np.float64)
+        return np.asarray(left + slope @ _amounts(forms, slope, left), dtype=np.float64)
 
     return beyond
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forms:
+    """Other forms of all findings' laws, as much of each as some runs tell.
+
+    Attributes:
+        forms: Each with the place of its finding.
+        amounts: How much of each, shape (f,).
+    """
+
+    forms: Sequence[tuple[int, Form]]
+    amounts: Vector
+
+    @staticmethod
+    def of(problem: Problem, whiten: Whitening, found: Sequence[Found], left: Vector) -> Forms | None:
+        """As much of them as takes most of what these findings leave of these runs; None where none has any."""
+        forms = list(_every_form(problem, found))
+        if not forms:
+            return None
+        slope = whiten(np.column_stack([form.column for _, form in forms]))
+        return Forms(forms, _amounts([form for _, form in forms], slope, left))
+
+    def beyond(self, problem: Problem, whiten: Whitening, found: Sequence[Found], left: Vector) -> Vector:
+        """What as much of them leaves of what these findings leave of other runs."""
+        slope = whiten(np.column_stack([form.column for _, form in _every_form(problem, found)]))
+        return np.asarray(left + slope @ self.amounts, dtype=np.float64)
+
+    @property
+    def largest(self) -> tuple[int, str]:
+        """Place of the finding whose law has another form most clearly, and what is said of it."""
+        sizes = [
+            abs(amount) * float(np.linalg.norm(form.column)) if form.said else -1.0
+            for amount, (_, form) in zip(self.amounts, self.forms, strict=True)
+        ]
+        place, form = self.forms[int(np.argmax(sizes))]
+        return place, form.said
+
+
+def _every_form(problem: Problem, found: Sequence[Found]) -> Iterator[tuple[int, Form]]:
+    every = problem.spoken(rows_of(found))
+    for k, item in enumerate(found):
+        if effect_named(item.effect).key == "joint":
+            for form in _forms(problem, found, k, every):
+                yield k, form
+
+
+def _amounts(forms: Sequence[Form], slope: Vector, left: Vector) -> Vector:
+    """How much of each form leaves least, shape (f,)."""
+    optimize: Any = import_module("scipy.optimize")
+    least, most = np.array([form.within for form in forms]).T
+    return np.asarray(optimize.lsq_linear(slope, -left, bounds=(least, most)).x, dtype=np.float64)
 
 
 def _without(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
@@ -84,34 +153,54 @@ def _size(every: Sequence[Said], without: Sequence[Said], at: int) -> float:
     return float(np.mean(made**2))
 
 
-def _columns(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Vector]:
-    """The change of the residual for as much of each form as is plain of a finding's law."""
+def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Form]:
+    """Other forms of a finding's law, and its own amount, that makes up for them."""
     item, evidence = found[k], problem.evidence
+    if "cycles" in item.row.values:
+        return _waves(problem, found, k)
     i = item.at - 1
     without = _without(problem, found, k)
     made = [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, without, strict=True)]
     most = max(float(np.max(np.abs(one), initial=0.0)) for one in made)
     if most == 0.0:
         return []
-    shapes: list[list[Vector]] = []
+    forms: list[Form] = []
+
+    def shaped(said: str, torques: Sequence[Vector], most: float = 1.0) -> None:
+        forms.append(Form(said, _column(problem, i, torques), (-1.0, most)))
+
     if item.effect in _ASIDE:
-        shapes.append([ASIDE * np.sign(run.dq[:, i]) * one for run, one in zip(evidence.runs, made, strict=True)])
+        both = zip(evidence.runs, made, strict=True)
+        shaped(ASIDE_SAID, [ASIDE * np.sign(run.dq[:, i]) * one for run, one in both])
     if item.effect == "load_friction":
         # a gear loses less where it drives than where it is driven
         drives = [np.sign(one.tau_link[:, i]) for one in every]
-        shapes.append([ASIDE * side * np.abs(one) for side, one in zip(drives, made, strict=True)])
+        shaped(DRIVEN_SAID, [ASIDE * side * np.abs(one) for side, one in zip(drives, made, strict=True)])
     for power in _POWERS.get(item.effect, ()):
-        shapes.append([BENT * most * np.sign(one) * np.abs(one / most) ** power for one in made])
-    if "cycles" in item.row.values:
-        for turned in (0.0, 0.5 * np.pi):
-            values = item.row.values
-            twice = {"amplitude": TWICE * values["amplitude"], "cycles": 2.0 * values["cycles"], "phase": turned}
-            wave = replace(item, row=EffectRow(item.at, {**values, **twice}))
-            other = problem.spoken(rows_of([*found[:k], wave, *found[k + 1 :]]))
-            shapes.append([one.tau[:, i] - rest.tau[:, i] for one, rest in zip(other, without, strict=True)])
-    if shapes:
-        shapes.append([AMOUNT * one for one in made])
-    return [_column(problem, i, shape) for shape in shapes]
+        # a damper yields; what grows faster than speed is drag, and no damper
+        bent = [BENT * most * np.sign(one) * np.abs(one / most) ** power for one in made]
+        shaped(BENT_SAID, bent, 0.0 if item.effect == "viscous_friction" else 1.0)
+    if forms:
+        shaped("", [AMOUNT * one for one in made])
+    return forms
+
+
+def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
+    """A wave's second harmonic, and another amplitude and phase of its own, each by its two quadratures."""
+    item = found[k]
+    values = item.row.values
+    nothing = problem.residual(rows_of([one for j, one in enumerate(found) if j != k]))
+
+    def wave(part: float, times: float, phase: float) -> Vector:
+        changed = {"amplitude": part * values["amplitude"], "cycles": times * values["cycles"], "phase": phase}
+        other = replace(item, row=EffectRow(item.at, {**values, **changed}))
+        return problem.residual(rows_of([*found[:k], other, *found[k + 1 :]])) - nothing
+
+    quadratures = (0.0, 0.5 * np.pi)
+    return [
+        *(Form(TWICE_SAID, wave(TWICE, 2.0, phase)) for phase in quadratures),
+        *(Form("", wave(AMOUNT, 1.0, phase)) for phase in quadratures),
+    ]
 
 
 def _column(problem: Problem, i: int, torques: Sequence[Vector]) -> Vector:

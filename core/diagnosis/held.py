@@ -28,7 +28,7 @@ from .problem import Problem, problem
 from .refine import Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
 from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, at_points, gives_alone, rows_of, without_bodies
-from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, fall_short, in_parts, judged, splits
+from .unseen import EARNS, NOTHING, OTHER_FORM, Bent, Split, Unseen, bent, fall_short, in_parts, judged, splits
 
 Vector = NDArray[np.float64]
 
@@ -44,8 +44,11 @@ HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
 OTHER_LAW = "no more than what is left where the law of another finding at its joint has another form"
-# part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs
+# part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs; of what all
+# leave, the part that other forms of their laws may leave where no cause is missing
 MOST_LEFT = 0.4
+# part of the gap that may be another form of a law whose cause is known
+MOST_BENT = 0.25
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
@@ -235,6 +238,13 @@ class Judge:
             rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped))
             return self.closer(rest) if rest.found else ([], rest)
         return list(numbers), rest
+
+    def other_form(self, held: Held) -> Bent | None:
+        """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
+        if not held.found or held.adequate or held.open > MOST_BENT:
+            return None
+        form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
+        return form if form and form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else None
 
     def _numbers(self, found: Sequence[Found], unseen: Unseen, *, far: bool = False) -> tuple[Refined, ...]:
         """Every split's fit with numbers from simulation; () where there is none."""

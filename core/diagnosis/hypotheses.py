@@ -40,6 +40,8 @@ FINEST_CYCLES = 0.25
 MOST_CYCLES: Mapping[JointKind, float] = {"revolute": 400.0, "prismatic": 8000.0}
 # times the median power of all orders that a wave's is
 STANDS_OUT = 8.0
+# part that either half of a wave has by itself
+SINGLE = 0.01
 _WAVES = ("transmission_error", "torque_ripple")
 # waves go together whose cycles do but for this many that runs can tell apart
 NEAR = 2.0
@@ -550,41 +552,67 @@ def _orders(problem: Problem, scales: Scales, at: int, *, second: bool) -> list[
     if highest <= lowest:
         return []
     grid = np.arange(lowest, highest, finest)
-    power = _periodic(problem, scales.residual, i, grid, second=second)
+    powers = [_periodic(problem, scales.residual, i, grid, itself=not second, second=second)]
     if second:
-        # where an arm side's position was measured, an error of the gear stands there as it is
-        power = max(power, _periodic(problem, scales.turned, i, grid, second=False), key=_clear)
+        # inertia takes a gear's error twice differentiated, weight as it is; and where an arm side's position was
+        # measured, it stands there
+        powers.append(_periodic(problem, scales.residual, i, grid, itself=True, second=True))
+        powers.append(_periodic(problem, scales.turned, i, grid, itself=True, second=False))
     chosen: list[float] = []
-    noise = STANDS_OUT * float(np.median(power))
-    for k in np.argsort(-power):
-        if power[k] <= noise:
-            # no more than the highest of so many of noise
-            break
-        if all(abs(grid[k] - c) > 2.0 * np.pi / way for c in chosen):
-            chosen.append(float(grid[k]))
-        if len(chosen) == CYCLES:
-            break
+    for power in sorted(powers, key=_clear, reverse=True):
+        # of the clearest its highest, of the others what stands out most
+        for cycles in _peaks(power, grid, way)[: 1 if chosen else CYCLES]:
+            if all(abs(cycles - c) > 2.0 * np.pi / way for c in chosen):
+                chosen.append(cycles)
     if not chosen:
         return []
     # a wave over this way is told from its neighbours so far apart, and what else is left moves the peak a little
     near = [chosen[0] + k * APART / way for k in range(-BESIDE, BESIDE + 1) if k]
-    return [*chosen, *(cycles for cycles in near if cycles >= lowest)]
+    # of an error that comes twice a turn as well the second is the louder one, by the square of how often it comes
+    once = [] if any(abs(0.5 * chosen[0] - c) * way < 0.5 * np.pi for c in chosen) else [0.5 * chosen[0]]
+    return [*chosen, *(float(cycles) for cycles in (*once, *near) if cycles >= lowest)]
 
 
-def _periodic(problem: Problem, left: Sequence[Vector], i: int, grid: Vector, *, second: bool) -> Vector:
-    """Power of what is left of every run (m, n) at joint i by cycles a turn, shape (g,)."""
-    power = np.zeros(len(grid))
+def _peaks(power: Vector, grid: Vector, way: float) -> list[float]:
+    """Cycles of the highest peaks of a power that these runs tell apart, the highest first."""
+    peaks: list[float] = []
+    noise = STANDS_OUT * float(np.median(power))
+    for k in np.argsort(-power):
+        if power[k] <= noise or len(peaks) == CYCLES:
+            # no more than the highest of so many of noise
+            break
+        if all(abs(grid[k] - c) > 2.0 * np.pi / way for c in peaks):
+            peaks.append(float(grid[k]))
+    return peaks
+
+
+def _periodic(problem: Problem, left: Sequence[Vector], i: int, grid: Vector, *, itself: bool, second: bool) -> Vector:
+    """Energy that a wave of each number of cycles a turn takes of what is left of every run (m, n) at joint i, (g,).
+
+    The wave itself, its second derivative in time, or both; one amplitude and one phase of each for all runs, a mean
+    for every run (Zechmeister and Kuerster 2009).
+    """
+    count = 2 * (itself + second)
+    normal, moment = np.zeros((len(grid), count, count)), np.zeros((len(grid), count))
     for run, values in zip(problem.evidence.runs, left, strict=True):
         # as many samples as the band needs
         every = max(1, int(1.0 / (8.0 * run.band * run.h)))
-        r = values[::every, i]
+        r, q, dq, ddq = (x[::every, i] for x in (values, run.q, run.dq, run.ddq))
         if not np.any(r):
             continue
-        weight = run.dq[::every, i] ** 2 if second else np.ones(len(r))
-        r = (r - r.mean()) * weight
-        angle = np.exp(1j * np.outer(grid, run.q[::every, i]))
-        power += np.abs(angle @ r) ** 2 / max(float(np.sum(weight**2)), 1e-30)
-    return power
+        wave: NDArray[np.complex128] = np.exp(1j * np.outer(grid, q))
+        parts = [wave] if itself else []
+        if second:
+            parts.append(wave * (1j * ddq - grid[:, None] * dq**2) * grid[:, None])
+        columns = np.stack([half for part in parts for half in (part.real, part.imag)], axis=1)
+        columns -= columns.mean(axis=2, keepdims=True)
+        normal += columns @ columns.swapaxes(1, 2)
+        moment += columns @ (r - r.mean())
+    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
+    # over a part of a wave its two halves are one
+    even = normal / (size[:, :, None] * size[:, None, :]) + SINGLE * np.eye(count)
+    moment /= size
+    return np.sum(moment * np.linalg.solve(even, moment[:, :, None])[:, :, 0], axis=1)
 
 
 def _clear(power: Vector) -> float:

@@ -334,7 +334,7 @@ def _gives(drive: Drive, inertia: float, band: float) -> bool:
     if spring is None:
         return False
     wobbles = any(term.kind == "error" for term in drive.terms)
-    return spring.gap > 0.0 or not wobbles or math.sqrt(spring.stiffness / inertia) < 2.0 * math.pi * STIFF * band
+    return spring.gap > 0.0 or not wobbles or spring.stiffness < inertia * (2.0 * math.pi * STIFF * band) ** 2
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow
 from ..recording import Run
 from .fit import Part, blocks, edges_of, gained, spread
-from .forms import beyond_forms
+from .forms import Forms, beyond_forms
 from .gap import shows_in_band
 from .nuisances import Whitening
 from .problem import FAR, Problem
@@ -145,6 +145,54 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         part,
         stands_out,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Bent:
+    """What other forms of the findings' laws make of what these leave where no fit saw it.
+
+    Attributes:
+        leaves: Part of its energy above noise that they leave, fitted with the findings.
+        place: Of the finding whose law has another form most clearly.
+        said: What is said of it.
+    """
+
+    leaves: float
+    place: int
+    said: str
+
+
+def bent(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    ways: Sequence[Split],
+    rows: Sequence[Sequence[EffectRow]],
+) -> Bent | None:
+    """What other forms of the findings' laws say of what is left on runs that no fit saw; None where none has any.
+
+    Args:
+        problem: All runs.
+        whiten: Nuisances of all runs.
+        found: Findings.
+        ways: The splits.
+        rows: For each split, the findings' rows.
+    """
+    had, has = 0.0, 0.0
+    largest: tuple[int, str] | None = None
+    for way, own in zip(ways, rows, strict=True):
+        seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
+        whole = [replace(item, row=row) for item, row in zip(found, own, strict=True)]
+        forms = Forms.of(seen.problem, seen.whiten, whole, seen.left(whole))
+        if forms is None:
+            return None
+        largest = largest or forms.largest
+        left = unseen.left(whole)
+        had += _energy(left) - len(left)
+        has += _energy(forms.beyond(unseen.problem, unseen.whiten, whole, left)) - len(left)
+    if largest is None or had <= 0.0:
+        return None
+    return Bent(min(1.0, max(0.0, has / had)), *largest)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis.inverse import _gives
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.effects import EffectRow
 
@@ -52,3 +53,12 @@ def test_an_arm_that_floats_in_its_clearance_is_caught_and_not_thrown(weight):
     assert left(gap) < 0.1 * min(left(0.7 * gap), left(1.3 * gap))
     rigid, caught = (np.abs(asked.spoken(rows(size))[0].tau).max() for size in (0.0, gap))
     assert caught < 5.0 * rigid
+
+
+@pytest.mark.parametrize("inertia", [1e-9, 0.0, -1.0])
+def test_what_weighs_less_than_nothing_ends_no_fit(inertia):
+    asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 400.0, 0.05)])
+    wave = EffectRow(1, {"amplitude": 1e-3, "cycles": 20.0, "phase": 0.0})
+    drive = asked.robots({"transmission_error": (wave,)})[0].stages[0].drive
+    assert _gives(drive, INERTIA * 1e6, 20.0)
+    assert not _gives(drive, inertia, 20.0)

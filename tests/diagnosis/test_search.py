@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.held import OTHER_LAW, Judge
-from mbexport.core.diagnosis.hypotheses import Hypothesis, hypotheses, scales_of, twins_of
+from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
@@ -284,6 +285,31 @@ def test_a_wave_goes_through_most_of_itself():
     assert fewest == pytest.approx(0.75 * 2.0 * np.pi / asked.way()[0])
     state, _ = found(asked)
     assert state.found[0].effect == "joint_spring"
+
+
+def test_a_gear_error_of_few_cycles_on_short_ways_is_read_by_its_inertia_and_its_weight():
+    t = np.arange(0.0, 4.0, 0.004)
+    turn = 0.5 * np.sin(np.pi * t) + 0.2 * np.sin(2.3 * np.pi * t)
+    runs, left = [], []
+    for begin, way in ((0.2, 0.15), (1.9, 0.18)):
+        q = begin + way * turn
+        dq, ddq = (np.gradient(x, t) for x in (q, np.gradient(q, t)))
+        error = 1e-3 * np.sin(7.0 * q + 0.4)
+        # what no law of it says is told by differences
+        bent = np.gradient(np.gradient(error, t), t)
+        runs.append(SimpleNamespace(band=20.0, h=0.004, q=q[:, None], dq=dq[:, None], ddq=ddq[:, None]))
+        left.append((0.3 * bent + 8.0 * error)[:, None])
+    asked = SimpleNamespace(evidence=SimpleNamespace(runs=runs))
+    grid = np.arange(2.0, 40.0, 0.25)
+
+    def best(left, **parts):
+        return grid[np.argmax(_periodic(asked, left, 0, grid, **parts))]
+
+    assert best(left, itself=True, second=True) == 7.0
+    # neither alone is what the motor feels
+    assert best(left, itself=True, second=False) != 7.0
+    assert best(left, itself=False, second=True) != 7.0
+    assert not np.any(_periodic(asked, [0.0 * one for one in left], 0, grid, itself=True, second=True))
 
 
 def test_a_screw_has_many_cycles_a_metre():

@@ -1,0 +1,75 @@
+"""What a found law leaves whose form is another one: its cause is known, and what else is left is not."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mbexport.core.database import load
+from mbexport.core.diagnosis.forms import TWICE_SAID
+from mbexport.core.diagnosis.held import Judge
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.unseen import bent, judged, splits
+from mbexport.core.effects import EffectRow
+
+from .pendulums import pendulum_run
+
+WAVE = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 0.1}), 50.0)
+DAMPS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+
+
+def other_form(against, item):
+    """What other forms of one finding's law say of pendulums on which another torque acts."""
+    judge = judge_of(against)
+    return bent(judge.whole, judge.whiten, [item], judge.ways, rows_of(judge, item))
+
+
+def judge_of(against):
+    runs = [pendulum_run("motion", against, seed=seed) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    return Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+
+
+def rows_of(judge, item):
+    return judged(judge.whole, judge.whiten, [item], judge.ways).rows
+
+
+def ripple(times):
+    """A wave of 20 a turn, and one of four tenths of it that comes so many times as often."""
+    return lambda t, q, dq: 0.3 * math.sin(20.0 * q) + 0.12 * math.sin(20.0 * times * q + 0.7)
+
+
+@pytest.mark.parametrize(("times", "its_own"), [(2.0, True), (1.45, False)])
+def test_a_wave_that_comes_twice_as_often_as_well_is_one_cause(times, its_own):
+    form = other_form(ripple(times), WAVE)
+    assert form.said == TWICE_SAID
+    assert (form.leaves < 0.05) if its_own else (form.leaves > 0.8)
+
+
+@pytest.mark.parametrize(
+    ("bend", "its_own"),
+    [(lambda dq: dq / (1.0 + 0.15 * abs(dq)), True), (lambda dq: dq * (1.0 + 0.3 * abs(dq)), False)],
+)
+def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, its_own):
+    form = other_form(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
+    assert (form.leaves < 0.3) if its_own else (form.leaves > 0.8)
+
+
+def test_what_has_no_other_form_says_nothing():
+    offset = Found("torque_offset", 1, EffectRow(1, {"torque": 0.2}), 50.0)
+    assert other_form(lambda t, q, dq: 0.2 + 0.1 * np.sin(3.0 * t), offset) is None
+
+
+def test_the_cause_is_known_of_no_more_than_a_quarter_of_a_gap():
+    judge = judge_of(ripple(2.0))
+    unseen = SimpleNamespace(rows=rows_of(judge, WAVE))
+
+    def said(share, adequate=False):
+        return judge.other_form(SimpleNamespace(found=(WAVE,), open=share, adequate=adequate, unseen=unseen))
+
+    assert said(0.2).place == 0
+    assert said(0.3) is None
+    assert said(0.01, adequate=True) is None
