@@ -36,8 +36,7 @@ _POWERS: dict[str, tuple[float, ...]] = {
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }
-
-
+# what is said of a law that is so
 ASIDE_SAID = "is not the same both ways"
 DRIVEN_SAID = "is another one where it drives than where it is driven"
 BENT_SAID = "goes with another power of what it goes with"
@@ -161,13 +160,12 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     i = item.at - 1
     without = _without(problem, found, k)
     made = [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, without, strict=True)]
-    most = max(float(np.max(np.abs(one), initial=0.0)) for one in made)
-    if most == 0.0:
-        return []
+    # runs that do not excite it have the same forms, of nothing
+    most = max(float(np.max(np.abs(one), initial=0.0)) for one in made) or 1.0
     forms: list[Form] = []
 
-    def shaped(said: str, torques: Sequence[Vector], most: float = 1.0) -> None:
-        forms.append(Form(said, _column(problem, i, torques), (-1.0, most)))
+    def shaped(said: str, torques: Sequence[Vector], up_to: float = 1.0) -> None:
+        forms.append(Form(said, _column(problem, i, torques), (-1.0, up_to)))
 
     if item.effect in _ASIDE:
         both = zip(evidence.runs, made, strict=True)
@@ -189,12 +187,12 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     """A wave's second harmonic, and another amplitude and phase of its own, each by its two quadratures."""
     item = found[k]
     values = item.row.values
-    nothing = problem.residual(rows_of([one for j, one in enumerate(found) if j != k]))
+    nothing = problem.misfit(rows_of([one for j, one in enumerate(found) if j != k]))
 
     def wave(part: float, times: float, phase: float) -> Vector:
         changed = {"amplitude": part * values["amplitude"], "cycles": times * values["cycles"], "phase": phase}
         other = replace(item, row=EffectRow(item.at, {**values, **changed}))
-        return problem.residual(rows_of([*found[:k], other, *found[k + 1 :]])) - nothing
+        return problem.misfit(rows_of([*found[:k], other, *found[k + 1 :]])) - nothing
 
     quadratures = (0.0, 0.5 * np.pi)
     return [

@@ -1,13 +1,14 @@
 """What a found law leaves whose form is another one: its cause is known, and what else is left is not."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mbexport.core.database import load
-from mbexport.core.diagnosis.forms import TWICE_SAID
+from mbexport.core.diagnosis.forms import TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -61,6 +62,14 @@ def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, i
 def test_what_has_no_other_form_says_nothing():
     offset = Found("torque_offset", 1, EffectRow(1, {"torque": 0.2}), 50.0)
     assert other_form(lambda t, q, dq: 0.2 + 0.1 * np.sin(3.0 * t), offset) is None
+
+
+def test_a_run_that_stands_has_the_same_forms_of_nothing():
+    moved, stood = pendulum_run("motion", lambda t, q, dq: 0.5 * dq), pendulum_run("motion")
+    still = replace(stood, signals={name: 0.0 * values for name, values in stood.signals.items()})
+    both = problem(load("pendulum"), "rigid", [moved, still])
+    counts = [len(list(_every_form(both.only([k]), [DAMPS]))) for k in (0, 1)]
+    assert counts[0] == counts[1] > 0
 
 
 def test_the_cause_is_known_of_no_more_than_a_quarter_of_a_gap():
