@@ -35,6 +35,7 @@ from .experiment import Experiment, design
 from .fit import blocks
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
+from .how_far import name_of
 from .model import Rows, level_rows, merged, robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
@@ -232,8 +233,8 @@ class _Diagnosing:
             verdict=verdict,
             where=before.where,
             which=tuple(
-                _finding(item, self._kind(item), gain, fit, others)
-                for item, gain, others in zip(held.found, held.unseen.gains, names, strict=True)
+                _finding(held.found[k], self._kind(held.found[k]), held.unseen.gains[k], fit, names[k])
+                for k in _largest_first(held)
                 if fit is not None
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
@@ -439,6 +440,12 @@ def _verdict(held: Held, gap: bool, form: Bent | None) -> Verdict:
     if held.found:
         return "explained" if held.adequate or form else "partly_explained"
     return "unexplained" if gap else "no_gap"
+
+
+def _largest_first(held: Held) -> list[int]:
+    """Places of the findings, that first without which the gap shrinks least where no fit saw it."""
+    without = [held.how_far.without.get(name_of(item)) for item in held.found]
+    return sorted(range(len(without)), key=lambda k: -math.inf if (by := without[k]) is None else by)
 
 
 def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Sequence[Alike]) -> Finding:

@@ -12,6 +12,7 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
+from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.held import NOT_EXCITED, _idle
 from mbexport.core.diagnosis.nuisances import whitening
@@ -267,3 +268,14 @@ def test_what_no_held_out_run_excites_is_no_gap_that_is_not_there(gain, why, sai
     assert len(diagnose._unheld([clipped], held)) == said
     held.found = (clipped,)
     assert diagnose._unheld([clipped], held) == []
+
+
+def test_findings_are_told_the_largest_first():
+    names = ("viscous_friction", "coulomb_friction", "backlash")
+    found = [Found(name, k, EffectRow(k, {}), 50.0) for k, name in enumerate(names, start=1)]
+    # without friction that is nearly all next to nothing goes; without the last no engine can simulate it
+    without = {"viscous_friction joint_1": 0.98, "coulomb_friction joint_2": 0.01, "backlash joint_3": None}
+    held = SimpleNamespace(found=found, how_far=SimpleNamespace(without=without))
+    assert _largest_first(held) == [2, 1, 0]
+    nothing = SimpleNamespace(found=found, how_far=SimpleNamespace(without={}))
+    assert _largest_first(nothing) == [0, 1, 2]
