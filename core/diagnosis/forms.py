@@ -96,10 +96,12 @@ class Forms:
 
     Attributes:
         forms: Each with the place of its finding.
+        own: How much of those that are but another amount or phase of a law, where it has no other form, shape (f,).
         amounts: How much of each, shape (f,).
     """
 
     forms: Sequence[tuple[int, Form]]
+    own: Vector
     amounts: Vector
 
     @staticmethod
@@ -109,12 +111,17 @@ class Forms:
         if not forms:
             return None
         slope = whiten(np.column_stack([form.column for _, form in forms]))
-        return Forms(forms, _amounts([form for _, form in forms], slope, left))
+        same = np.array([not form.said for _, form in forms])
+        own = np.zeros(len(forms))
+        own[same] = _amounts([form for _, form in forms if not form.said], slope[:, same], left)
+        return Forms(forms, own, _amounts([form for _, form in forms], slope, left))
 
-    def beyond(self, problem: Problem, whiten: Whitening, found: Sequence[Found], left: Vector) -> Vector:
-        """What as much of them leaves of what these findings leave of other runs."""
+    def beyond(
+        self, problem: Problem, whiten: Whitening, found: Sequence[Found], left: Vector
+    ) -> tuple[Vector, Vector]:
+        """What as much of them leaves of what these findings leave of other runs, without other forms and with them."""
         slope = whiten(np.column_stack([form.column for _, form in _every_form(problem, found)]))
-        return np.asarray(left + slope @ self.amounts, dtype=np.float64)
+        return left + slope @ self.own, left + slope @ self.amounts
 
     @property
     def largest(self) -> tuple[int, str]:

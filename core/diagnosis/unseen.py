@@ -152,7 +152,7 @@ class Bent:
     """What other forms of the findings' laws make of what these leave where no fit saw it.
 
     Attributes:
-        leaves: Part of its energy above noise that they leave, fitted with the findings.
+        leaves: Part of its energy above noise that they leave of what another amount or phase of the laws would.
         place: Of the finding whose law has another form most clearly.
         said: What is said of it.
     """
@@ -180,16 +180,15 @@ def bent(
     """
     had, has = 0.0, 0.0
     largest: tuple[int, str] | None = None
-    for way, own in zip(ways, rows, strict=True):
+    for way, fitted in zip(ways, rows, strict=True):
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
-        whole = [replace(item, row=row) for item, row in zip(found, own, strict=True)]
+        whole = [replace(item, row=row) for item, row in zip(found, fitted, strict=True)]
         forms = Forms.of(seen.problem, seen.whiten, whole, seen.left(whole))
         if forms is None:
             return None
         largest = largest or forms.largest
-        left = unseen.left(whole)
-        had += _energy(left) - len(left)
-        has += _energy(forms.beyond(unseen.problem, unseen.whiten, whole, left)) - len(left)
+        own, every = forms.beyond(unseen.problem, unseen.whiten, whole, unseen.left(whole))
+        had, has = (total + _energy(left) - len(left) for total, left in ((had, own), (has, every)))
     if largest is None or had <= 0.0:
         return None
     return Bent(min(1.0, max(0.0, has / had)), *largest)

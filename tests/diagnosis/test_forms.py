@@ -72,6 +72,13 @@ def test_a_run_that_stands_has_the_same_forms_of_nothing():
     assert counts[0] == counts[1] > 0
 
 
+def test_another_amount_of_a_law_is_no_other_form_of_it():
+    judge = judge_of(lambda t, q, dq: 0.3 * math.sin(20.0 * q + 0.1))
+    less = [(EffectRow(1, {**WAVE.row.values, "amplitude": 0.2}),)] * 2
+    form = bent(judge.whole, judge.whiten, [WAVE], judge.ways, less)
+    assert form is None or form.leaves > 0.8
+
+
 def test_the_cause_is_known_of_no_more_than_a_quarter_of_a_gap():
     judge = judge_of(ripple(2.0))
     unseen = SimpleNamespace(rows=rows_of(judge, WAVE))
