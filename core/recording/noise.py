@@ -24,6 +24,8 @@ _BEFORE, _AFTER = 0.04, 0.08
 _LOUDER, _MOVED = 1.5, 1.05
 # coefficients of an autoregression that add up to no more are white noise's
 _WHITE = 0.2
+# of the distances between neighbouring values, which may be one step: of a fast motion few are
+_SMALLEST = (0.02, 0.003, 0.0)
 # rows to either side from which slopes are taken, and steps beyond which a sample is too far away to be moved
 _ASIDE, _AWAY = 4, 1.2
 
@@ -148,10 +150,13 @@ def quantisation(values: Vector) -> float:
     apart = apart[apart > 1.0e-9 * np.abs(levels).max()]
     if len(apart) == 0:
         return 0.0
-    step = float(np.quantile(apart, 0.02))
-    step = float(np.median(apart[apart < 1.5 * step]))
-    whole = np.round(apart / step)
-    return float(apart.sum() / whole.sum()) if np.quantile(np.abs(apart / step - whole), 0.95) < 0.05 else 0.0
+    for part in _SMALLEST:
+        step = float(np.quantile(apart, part))
+        step = float(np.median(apart[apart < 1.5 * step]))
+        whole = np.round(apart / step)
+        if np.quantile(np.abs(apart / step - whole), 0.95) < 0.05:
+            return float(apart.sum() / whole.sum())
+    return 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

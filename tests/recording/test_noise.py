@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mbexport.core.control import Control
 from mbexport.core.recording import Run, known_together, noise_of
+from mbexport.core.recording.noise import quantisation
 
 RATE = 1000.0
 SIGMA = {"q": 2.0e-5, "tau": 0.5}
@@ -193,6 +194,16 @@ def test_a_resting_coarse_sensor_has_its_steps_noise():
     assert noise.step == pytest.approx(1e-3, rel=1e-6)
     assert (noise.sigma >= 1e-3 / np.sqrt(12.0)).all()
     assert (noise.sigma < 1.5e-3 / np.sqrt(12.0)).all()
+
+
+def test_a_fast_motion_hides_no_steps():
+    random = np.random.default_rng(5)
+    t = np.arange(1000) / 250.0
+    fast = 1.2 * np.sin(2.0 * t) + 0.4 * np.sin(7.0 * t)
+    rough = np.round((fast + 1e-5 * random.normal(size=len(t))) / 1e-5) * 1e-5
+    assert np.quantile(np.diff(np.unique(rough)), 0.02) > 1.5e-5
+    assert quantisation(rough) == pytest.approx(1e-5, rel=1e-6)
+    assert quantisation(fast + 1e-5 * random.normal(size=len(t))) == 0.0
 
 
 def test_without_noise_there_is_next_to_none():
