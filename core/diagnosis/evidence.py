@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .inverse import Said, said
-from .prepare import Prepared, noise_in, prepared, small_turn
+from .prepare import Prepared, noise_in, prepared, small_turn, widened
 
 Vector = NDArray[np.float64]
 
@@ -220,14 +220,13 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
     # when it turns is known as well as the band tells times apart; a rest ends with a jerk, which rings on
     period = 1.0 / (run.band * run.h)
     rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
-    near = _widened(stands | turns, 0.5 * period) | _widened(rests, period)
+    near = widened(stands | turns, 0.5 * period) | widened(rests, period)
     # a joint that stands all the time still shows its load, unless its friction may bear any of it
     unsure = near & ((stands.mean(axis=0) < 0.7) | sticking)
     for joint in run.run.locked:
         # behind a clamped output it creeps from rest to rest, and shows its load on the way alone
         unsure[:, joint - 1] = (stands | turns)[:, joint - 1]
-    # what is bridged is smeared by the smoothing as far as it reaches
-    bridged = {name: _widened(hole, run.edge) for name, hole in run.missing.items()}
+    bridged = {name: run.bridged(name) for name in run.missing}
     for name, series in values.items():
         mask = np.ones(series.shape)
         mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
@@ -242,13 +241,6 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
             mask[unsure] = 0.0
         masks[name] = mask
     return masks
-
-
-def _widened(flags: NDArray[np.bool_], samples: float) -> NDArray[np.bool_]:
-    """Flags (m, n) with so many samples before and after them."""
-    ndimage: Any = import_module("scipy.ndimage")
-
-    return np.asarray(ndimage.binary_dilation(flags, np.ones((2 * int(np.ceil(samples)) + 1, 1), dtype=bool)))
 
 
 def _noise(

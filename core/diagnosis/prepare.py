@@ -58,6 +58,17 @@ class Prepared:
     missing: Mapping[str, Mask]
     edge: int
 
+    def bridged(self, name: str) -> Mask:
+        """Where a signal is smeared by what was bridged: as far from a hole as the smoothing reaches, shape (m, n)."""
+        return widened(self.missing[name], self.edge)
+
+
+def widened(flags: Mask, samples: float) -> Mask:
+    """Flags (m, n) with so many samples before and after them."""
+    ndimage: Any = import_module("scipy.ndimage")
+
+    return np.asarray(ndimage.binary_dilation(flags, np.ones((2 * int(np.ceil(samples)) + 1, 1), dtype=bool)))
+
 
 @lru_cache(maxsize=256)
 def noise_in(run: Run, signal: str) -> ChannelNoise:

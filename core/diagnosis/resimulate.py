@@ -25,7 +25,7 @@ from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
 from .evidence import creep_of
 from .inverse import said
-from .prepare import Prepared, noise_in, prepared
+from .prepare import Prepared, noise_in, prepared, widened
 
 Vector = NDArray[np.float64]
 
@@ -133,7 +133,8 @@ def mode_of(run: Run) -> str:
 def compared(run: Run) -> dict[str, Vector]:
     """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
 
-    In mode unknown that is torque alone, behind the filter that the motion was smoothed with. Where a motion is given,
+    In mode unknown that is torque alone, behind the filter that the motion was smoothed with, and not where that feels
+    a hole of the record: what is bridged there has no accelerations. Where a motion is given,
     a joint's torque at the turn of its way is not compared: which sample friction changes its sign at nobody knows.
     What was commanded in a gap of the record is not known either, and nothing is compared behind it until the
     controller has caught up.
@@ -153,10 +154,12 @@ def compared(run: Run) -> dict[str, Vector]:
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
     loose = np.zeros(run.signals["q"].shape, dtype=bool) if run.locked else _loose(grid, run.t, 0.5 / grid.band)
+    moved = grid.bridged("q").any(axis=1, keepdims=True)
     for name in ("tau", "tau_link"):
         if run.has(name):
             values = _between(grid.t, grid.measured[name], run.t)
-            there = np.isfinite(run.signals[name]) & inside[:, None] & ~loose
+            bridged = _nearest(grid, grid.bridged(name) | moved, run.t)
+            there = np.isfinite(run.signals[name]) & inside[:, None] & ~loose & ~bridged
             found[name] = np.where(there, values, np.nan)
     if run.locked and "tau" in found:
         # while the motor before a clamped output stands, friction takes whatever there is to take
@@ -188,14 +191,16 @@ def _loose(grid: Prepared, times: Vector, reach: float) -> NDArray[np.bool_]:
         times: At which to tell [s], shape (k,).
         reach: What is near it, before and after [s].
     """
-    ndimage: Any = import_module("scipy.ndimage")
-
     stands = np.abs(grid.dq) < creep_of(grid)
     stands |= np.vstack([np.zeros((1, stands.shape[1]), dtype=bool), np.diff(np.signbit(grid.dq), axis=0)])
-    width = 2 * int(np.ceil(reach / grid.h)) + 1
-    near = np.asarray(ndimage.binary_dilation(stands, np.ones((width, 1), dtype=bool)))
+    near = widened(stands, reach / grid.h)
     near &= stands.mean(axis=0) < 0.7
-    return near[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
+    return _nearest(grid, near, times)
+
+
+def _nearest(grid: Prepared, flags: NDArray[np.bool_], times: Vector) -> NDArray[np.bool_]:
+    """Flags of the grid's times (m, n) at other times (k,)."""
+    return flags[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
 
 
 def residuals(run: Run, simulated: Mapping[str, Vector]) -> dict[str, Vector]:
@@ -271,7 +276,10 @@ def _simulated(
     if on_clock:
         # rows that are missing in the record were simulated too
         return {name: values[rows.astype(np.int64)] for name, values in _signals(trace, run).items()}
-    return _at(run.t, trace.t, _signals(trace, run), held=control.mode == "pd")
+    # a given motion stops at once behind its end, which no spline may see
+    known = trace.t <= (run.t[-1] + ON_CLOCK if control.mode == "motion" else np.inf)
+    signals = {name: values[known] for name, values in _signals(trace, run).items()}
+    return _at(run.t, trace.t[known], signals, held=control.mode == "pd")
 
 
 def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:

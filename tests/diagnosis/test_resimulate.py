@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, pendulum_run
+from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, command, pendulum_run
 
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
@@ -76,6 +76,18 @@ def test_stamps_that_jitter_miss_and_lack_a_clock():
     left = residuals(holed, resimulated(robot(holed), robot(holed), holed, "mjcf"))["tau"]
     # nobody knows what was asked for in the hole
     assert rms(left[np.abs(holed.t - 0.6) > 0.7]) < 1.1 * NOISE["tau"]
+
+
+def test_a_given_motion_does_not_stop_before_its_last_row():
+    stamps = np.arange(0, 901) / 250.0 + 1e-5 * np.random.default_rng(7).normal(size=901)
+    stamps[0] = 0.0
+    run = pendulum_run("motion", stamps=stamps, duration=4.0)
+    asked = command(run.t[-1])
+    assert abs(asked[1]) > 0.5
+    run = replace(run, signals={**run.signals, "dq": command(run.t)[1][:, None]})
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    assert np.abs(left["dq"][-3:]).max() < 1e-4
+    assert np.abs(left["tau"][-3:]).max() < 6.0 * NOISE["tau"]
 
 
 def test_torque_alone_is_followed_in_windows():
