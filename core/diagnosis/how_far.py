@@ -187,7 +187,7 @@ class _Shrunk:
         # channels of one signal are off together
         known = 0.0
         for name in names:
-            freedom: Vector = np.max([noise.freedom[name] for noise in self._noises], axis=0)
+            freedom: Vector = np.max([noise.freedom(name) for noise in self._noises], axis=0)
             known += float(np.mean(np.sqrt(2.0 / freedom))) ** 2
         return float(np.hypot(np.std(blocks), np.sqrt(known) / max(1, len(names))))
 

@@ -6,13 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, NOISE, WEIGHT, pendulum_run
+from pendulums import INERTIA, KD, KP, NOISE, WEIGHT, command, pendulum_run
+from scipy.integrate import quad
+from scipy.signal import lfilter
+from scipy.stats import chi2, norm
 
-from mbexport.core.database import FrozenMap, Tolerance, load
+from mbexport.core.database import FrozenMap, Tolerance, load, with_effects
 from mbexport.core.diagnosis.model import robot_of
-from mbexport.core.diagnosis.noise import noise_floor, perturbed, significance, significant
+from mbexport.core.diagnosis.noise import Noise, noise_floor, perturbed, significance, significant
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.effects import EffectRow
+from mbexport.core.recording import known_together
 
 DATABASE = load("pendulum")
 
@@ -35,6 +39,62 @@ def test_a_controller_that_sees_its_sensors_noise_makes_torque_of_it():
     # stated is what the sensor adds, recorded is five times as much
     floor = noise_floor(DATABASE, "rigid", shaken).sigma["tau"][0]
     assert floor == pytest.approx(np.hypot(0.05, NOISE["tau"]), rel=0.3)
+
+
+def test_the_noise_that_a_controller_makes_torque_of_is_felt_behind_the_motor():
+    run = pendulum_run("pd")
+    random = np.random.default_rng(8)
+    scatter = 0.05 * random.normal(size=run.signals["tau"].shape)
+    signals = {**run.signals, "tau": run.signals["tau"] + scatter, "tau_link": run.signals["tau"]}
+    shaken = replace(run, signals=signals, noise={**run.noise, "tau_link": np.array([0.001])})
+    floor = noise_floor(DATABASE, "rigid", shaken).sigma["tau_link"][0]
+    assert floor == pytest.approx(0.05, rel=0.3)
+    # a rotor that weighs as much as the arm keeps half of it
+    geared = with_effects(DATABASE, {"rotor_inertia": (EffectRow(1, FrozenMap({"inertia": INERTIA})),)})
+    assert noise_floor(geared, "full", shaken).sigma["tau_link"][0] == pytest.approx(0.025, rel=0.3)
+
+
+def test_what_runs_beside_state_does_not_hide_a_loop():
+    def shaken(seed, slow):
+        run, random = pendulum_run("pd", seed=seed), np.random.default_rng(8 + seed)
+        drift = lfilter([1.0], [1.0, -0.97], random.normal(size=run.signals["tau"].shape), axis=0)
+        tau = run.signals["tau"] + 0.05 * random.normal(size=drift.shape) + slow * drift
+        return replace(run, signals={**run.signals, "tau": tau})
+
+    # what passes for slow noise is known better by the other run, but not by what its log says of the sensor alone
+    drifting, _ = known_together([shaken(0, 0.05), shaken(1, 0.0)])
+    assert noise_floor(DATABASE, "rigid", drifting).sigma["tau"][0] > 0.035
+
+
+def test_speeds_show_what_a_loud_torque_sensor_hides():
+    """Against the pendulum's equation of motion under a controller that acts on what its sensors say."""
+    sigma = {"q": 3.0e-4, "dq": 1.0e-4, "tau": 0.06}
+
+    def moved(noisy):
+        random = np.random.default_rng(3)
+        ticks = np.arange(4001) / 1000.0
+        asked, rate, _ = command(ticks)
+        slow = lfilter([np.sqrt(1.0 - 0.95**2)], [1.0, -0.95], random.normal(size=len(ticks)))
+        told = sigma["q"] * slow, sigma["dq"] * random.normal(size=len(ticks))
+        q = dq = 0.0
+        rows = np.empty((len(ticks), 3))
+        for k in range(len(ticks)):
+            seen, fast = q + noisy * told[0][k], dq + noisy * told[1][k]
+            tau = KP * (asked[k] - seen) + KD * (rate[k] - fast)
+            rows[k] = seen, fast, tau + noisy * sigma["tau"] * random.normal()
+            for _ in range(3):
+                dq += (tau - WEIGHT * np.sin(q)) / INERTIA / 3000.0
+                q += dq / 3000.0
+        return ticks, dict(zip(("q", "dq", "tau"), rows.T[:, :, None], strict=True))
+
+    t, quiet = moved(0.0)
+    _, loud = moved(1.0)
+    run = pendulum_run("pd", rate=1000.0)
+    stated = {name: np.array([value]) for name, value in sigma.items()}
+    floor = noise_floor(DATABASE, "rigid", replace(run, t=t, signals={**run.signals, **loud}, noise=stated)).sigma
+    for name in ("q", "dq", "tau"):
+        left = np.std((loud[name] - quiet[name])[1000:])
+        assert 0.8 < floor[name][0] / left < 1.6
 
 
 def test_a_mass_that_is_a_percent_off_weighs_a_percent_of_the_weight():
@@ -91,6 +151,39 @@ def test_torque_control_knows_how_a_start_drifts():
     sigma = noise_floor(DATABASE, "rigid", run).sigma["q"][0]
     left = left_of(run)["q"]
     assert 0.2 < np.sqrt(np.nanmean(np.square(left))) / sigma < 2.0
+
+
+def test_no_torque_is_compared_beside_a_hole_in_the_motion():
+    run = pendulum_run("unknown", rate=1000.0)
+    hole = (run.t > 1.5) & (run.t < 1.6)
+    kept = {name: values[~hole] for name, values in run.signals.items()}
+    torn = replace(run, t=run.t[~hole], signals=kept)
+    # bridged by a straight line, the motion has no accelerations there, and jerks at both ends of it
+    assert significant(left_of(torn), noise_floor(DATABASE, "rigid", torn)) > 0.05
+    known, whole = (np.isfinite(left_of(one)["tau"][:, 0]) for one in (torn, run))
+    assert not known[(torn.t > 1.48) & (torn.t < 1.62)].any()
+    far = np.abs(torn.t - 1.55) > 0.3
+    assert known[far].mean() > 0.8 * whole[~hole][far].mean()
+
+
+def test_two_parts_of_a_mean_square_are_added_as_they_are():
+    """Against an integral over the normal number that is off: sensors of 40 degrees of freedom beside it, or alone."""
+    one, known = np.ones(2), np.array([40.0, 40.0])
+    noise = Noise({"q": one}, {"q": np.array([0.5, 0.0])}, {"q": known}, {"q": one})
+
+    def exact(square):
+        def more(off):
+            return 2.0 * norm.pdf(off) * chi2.sf(40.0 * (square - 0.25 * off**2), 40.0)
+
+        return quad(more, 0.0, 12.0, limit=400)[0]
+
+    for square in (1.0, 1.5, 2.5, 4.0, 8.0):
+        found = noise.chance("q", np.array([square, square]))
+        assert found[0] == pytest.approx(exact(square), rel=0.01)
+        assert found[1] == pytest.approx(float(chi2.sf(40.0 * square, 40.0)), rel=1e-6, abs=1e-11)
+    # one variable of the same spread would call it ten times as rare
+    free = noise.freedom("q")[0]
+    assert float(chi2.sf(free * 4.0 / 1.25, free)) < 0.1 * exact(4.0)
 
 
 def _body(mass):

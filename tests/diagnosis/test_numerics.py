@@ -184,7 +184,7 @@ def test_what_acts_in_every_joint_is_told_by_most_of_them(told, size, most):
     """Where another joint's gap, a thousand times theirs, is of another kind."""
     t = np.arange(400) / 100.0
     ones = {"q": np.ones(4)}
-    noise = Noise(ones, {"q": np.zeros(4)}, ones)
+    noise = Noise(ones, {"q": np.zeros(4)}, ones, ones)
     made = 10.0 * np.sin(np.outer(t, [2.0, 3.0, 4.0, 5.0]))
     left = size * made + np.random.default_rng(1).normal(size=made.shape)
     left[:, told:] = 1e4 * np.cos(np.outer(t, np.ones(4 - told)))

@@ -39,7 +39,7 @@ def test_dry_friction_follows_the_direction():
 
 def noise_like(left):
     ones = {name: np.ones(values.shape[1]) for name, values in left.items()}
-    return Noise(ones, {name: 0.0 * one for name, one in ones.items()}, ones)
+    return Noise(ones, {name: 0.0 * one for name, one in ones.items()}, ones, ones)
 
 
 def two_joints():
