@@ -246,18 +246,19 @@ def _unstated(run: Run) -> Run:
 def _sees(run: Run, kp: Vector, kd: Vector) -> bool | None:
     """Whether the controller's torque follows the noise of the recorded positions and speeds; None: not to be told.
 
-    Only where speeds are recorded and nothing is rounded: there the high bands of both are one, or are not.
+    Where speeds are recorded too the high bands of both are one, or are not; rounding may hide that they are.
     """
     if not (run.has("dq") and run.has("tau")):
-        return None
-    if any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau")):
         return None
     back = -kp * run.signals["q"] - kd * run.signals["dq"]
     x, y = (np.diff(values, 4, axis=0) for values in (back, run.signals["tau"]))
     good = np.isfinite(x) & np.isfinite(y)
     x, y = np.where(good, x, 0.0), np.where(good, y, 0.0)
     slope = np.sum(x * y, axis=0) / np.maximum(np.sum(x * x, axis=0), 1e-300)
-    return bool(np.median(slope) >= SEEN)
+    if np.median(slope) >= SEEN:
+        return True
+    rounded = any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau"))
+    return None if rounded else False
 
 
 def _through_inverse_dynamics(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector]]:

@@ -66,7 +66,8 @@ def test_what_runs_beside_state_does_not_hide_a_loop():
     assert noise_floor(DATABASE, "rigid", drifting).sigma["tau"][0] > 0.035
 
 
-def test_speeds_show_what_a_loud_torque_sensor_hides():
+@pytest.mark.parametrize("rounded", [False, True])
+def test_speeds_show_what_a_loud_torque_sensor_hides(rounded):
     """Against the pendulum's equation of motion under a controller that acts on what its sensors say."""
     sigma = {"q": 3.0e-4, "dq": 1.0e-4, "tau": 0.06}
 
@@ -89,6 +90,8 @@ def test_speeds_show_what_a_loud_torque_sensor_hides():
 
     t, quiet = moved(0.0)
     _, loud = moved(1.0)
+    if rounded:
+        loud["tau"] = np.round(loud["tau"] / 0.03) * 0.03
     run = pendulum_run("pd", rate=1000.0)
     stated = {name: np.array([value]) for name, value in sigma.items()}
     floor = noise_floor(DATABASE, "rigid", replace(run, t=t, signals={**run.signals, **loud}, noise=stated)).sigma
