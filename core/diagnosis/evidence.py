@@ -19,7 +19,17 @@ from numpy.typing import NDArray
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .inverse import Said, said
-from .prepare import Prepared, noise_in, prepared, small_turn, widened
+from .prepare import (
+    Prepared,
+    Told,
+    next_alike,
+    noise_in,
+    prepared,
+    response_of,
+    small_turn,
+    ticks_a_row,
+    widened,
+)
 
 Vector = NDArray[np.float64]
 
@@ -31,6 +41,8 @@ CREEP = 0.01
 # a joint that stands for so long rests [s]
 REST = 0.05
 SEED = 20131115
+# samples until a coloured process is what it stays
+LEAD = 500
 # where every joint stands and its friction may bear anything, nothing can be compared along the motion
 NONE: Vector = np.zeros(0)
 
@@ -237,6 +249,8 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
             mask[bridged["q"].any(axis=1)] = 0.0
             if name in bridged:
                 mask[bridged[name]] = 0.0
+            if name == "u" and run.told is not None:
+                mask[bridged["q_told"] | bridged["dq_told"]] = 0.0
         if name in ("tau", "u"):
             mask[unsure] = 0.0
         masks[name] = mask
@@ -264,6 +278,9 @@ def _noise(
     asked, felt = np.zeros(run.run.n), np.zeros(run.run.n)
     for _ in range(DRAWS):
         extra = {name: sample(models[name], len(run.run.t), random) for name in names}
+        if run.told is not None:
+            between = _between_rows(run.run, run.told, random)
+            extra |= between | {"tau": extra["tau"] + between["tau"]}
         other = prepared(run.run, run.band, extra)
         speech = said(nominal, other, nominal, creep)
         changed = differences(other, speech)
@@ -301,27 +318,46 @@ def _noise(
     return sigma, mix, {i: float(part) for i, part in enumerate(share)} if "u" in sigma else {}
 
 
+def _between_rows(run: Run, told: Told, random: np.random.Generator) -> dict[str, Vector]:
+    """What a controller is told from one row of a record to the next and no row knows, drawn tick by tick.
+
+    Returns:
+        "q_told", "dq_told": What is told to it in rows less what it is told on the mean, of speeds for the part that is
+        taken of them. "tau": What rows of torque have more than its mean.
+    """
+    signal: Any = import_module("scipy.signal")
+
+    k, m = ticks_a_row(run), len(run.t)
+    gains = {"q": run.control.kp, "dq": run.control.kd}
+    parts = {"q": np.ones(run.n), "dq": np.maximum(told.taken, 1e-3)}
+    out = {"tau": np.zeros((m, run.n))}
+    for name, gain in gains.items():
+        noise = noise_in(run, name)
+        drawn = np.empty((m, k, run.n))
+        for i, (sigma, ar) in enumerate(zip(noise.sigma, noise.ar, strict=True)):
+            memory = max(next_alike(ar), 1e-12) ** (1.0 / k)
+            white = random.normal(size=LEAD + m * k) * float(sigma) * np.sqrt(1.0 - memory**2)
+            drawn[:, :, i] = np.asarray(signal.lfilter([1.0], [1.0, -memory], white))[LEAD:].reshape(m, k)
+        row, mean = drawn[:, 0], drawn.mean(axis=1)
+        out[f"{name}_told"] = row - mean / parts[name]
+        out["tau"] -= np.where(told.joints, np.array(gain) * (row - mean), 0.0)
+    return out
+
+
 def sample(noise: ChannelNoise, m: int, random: np.random.Generator) -> Vector:
     """One sample of a channel's noise, shape (m, n)."""
     signal: Any = import_module("scipy.signal")
 
-    lead = 500
     columns: list[Vector] = []
     for sigma, ar in zip(noise.sigma, noise.ar, strict=True):
-        white = random.normal(size=m + lead)
+        white = random.normal(size=m + LEAD)
         coloured = np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), white)) if np.any(ar) else white
         # the gain of the filter at its stationary spread
         gain = _spread(ar)
-        columns.append(coloured[lead:] * float(sigma) / gain)
+        columns.append(coloured[LEAD:] * float(sigma) / gain)
     return np.column_stack(columns)
 
 
 def _spread(ar: Vector) -> float:
     """Standard deviation of an autoregressive process driven by unit noise."""
-    signal: Any = import_module("scipy.signal")
-
-    if not np.any(ar):
-        return 1.0
-    impulse = np.zeros(4000)
-    impulse[0] = 1.0
-    return float(np.sqrt(np.sum(np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), impulse)) ** 2)))
+    return float(np.linalg.norm(response_of(ar)))

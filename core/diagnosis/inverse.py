@@ -114,6 +114,16 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
     return Said(tau + bias, passed, q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
+def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
+    """Positions and speeds of the arm sides along a run's motor motion, bent by what they bear as they move.
+
+    Returns:
+        Of all joints, those of soft arms and bearings too, shape (m, k) each.
+    """
+    moved = _moved(_bodies(robot), run)
+    return moved.q, moved.dq
+
+
 def _slow(values: Vector, run: Prepared) -> Vector:
     """Without the upper part of what is compared, where a change is that of noise."""
     signal: Any = import_module("scipy.signal")
@@ -342,8 +352,12 @@ def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
     control = run.run.control
     q_cmd, dq_cmd, ddq_cmd = run.run.motion().at(control.commanded_at(run.t))
-    seen = run.dq - 0.5 * control.differenced / control.rate * run.ddq
-    return q_cmd - run.q, dq_cmd - seen, feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
+    place, rate = run.q, run.dq - 0.5 * control.differenced / control.rate * run.ddq
+    if run.told is not None:
+        told = run.told
+        place = np.where(told.joints, told.q, place)
+        rate = np.where(told.joints, rate + told.taken * (told.dq - rate), rate)
+    return q_cmd - place, dq_cmd - rate, feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -16,6 +16,7 @@ from ..kinematics import dynamics, kinematics
 from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
+from .feedback import followed, told
 from .model import robot_of
 from .prepare import noise_in, prepared, small_turn
 from .resimulate import WINDOW, mode_of, settled, smoothed
@@ -191,7 +192,7 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
     """
     q, control = noise_in(run, "q"), run.control
     kp, kd = np.array(control.kp), np.array(control.kd)
-    sees = _sees(run, kp, kd) if len(kp) else False
+    sees = _sees(run) if len(kp) else False
     if sees is False:
         return
     if sees is None and run.has("tau") and "tau" in run.noise:
@@ -199,7 +200,7 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
         more = seen > BEYOND * sigma["tau"]
         excess = np.sqrt(np.where(more, seen**2 - sigma["tau"] ** 2, 0.0))
     else:
-        # what is plain needs no bound, and an estimated torque's scatter has the loop's in it
+        # what is plain needs no bound, and where nothing is an estimated torque's scatter has the loop's in it
         excess = np.full(run.n, np.inf)
     if run.has("dq"):
         speed = noise_in(run, "dq")
@@ -229,7 +230,8 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
     true = np.minimum(1.0, excess / np.maximum(reported, 1e-300))
     jacobian = kinematics(robot).jacobian(grid.q[:: max(1, len(grid.t) // 50)])
     added = {"q": shaken, "q_link": shaken, "dq": hurried, "tau_link": passed}
-    added |= {"tau": reported} if "tau" in run.noise else {}
+    # where nothing else is known, an estimated torque's scatter has the loop's in it already
+    added |= {"tau": reported} if "tau" in run.noise or told(run) is not None else {}
     added = {name: values * true for name, values in added.items()}
     for name, rows in (("ee", jacobian[:, :3]), ("ee_rot", jacobian[:, 3:])):
         added[name] = np.sqrt(np.mean(np.sum(np.square(rows * (shaken * true)), axis=2), axis=0))
@@ -243,20 +245,14 @@ def _unstated(run: Run) -> Run:
     return replace(run, noise={}, beside=tuple(_unstated(one) for one in run.beside))
 
 
-def _sees(run: Run, kp: Vector, kd: Vector) -> bool | None:
+def _sees(run: Run) -> bool | None:
     """Whether the controller's torque follows the noise of the recorded positions and speeds; None: not to be told.
 
-    Where speeds are recorded too the high bands of both are one, or are not; rounding may hide that they are.
+    Rounding may hide that it does, and cannot make it look as if it did.
     """
-    if not (run.has("dq") and run.has("tau")):
-        return None
-    back = -kp * run.signals["q"] - kd * run.signals["dq"]
-    x, y = (np.diff(values, 4, axis=0) for values in (back, run.signals["tau"]))
-    good = np.isfinite(x) & np.isfinite(y)
-    x, y = np.where(good, x, 0.0), np.where(good, y, 0.0)
-    slope = np.sum(x * y, axis=0) / np.maximum(np.sum(x * x, axis=0), 1e-300)
-    if np.median(slope) >= SEEN:
-        return True
+    parts = followed(run)
+    if parts is None or np.median(parts) >= SEEN:
+        return None if parts is None else True
     rounded = any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau"))
     return None if rounded else False
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import import_module
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import ChannelNoise, Run, noise_of
+from .feedback import sensors_alone, told
 
 Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -32,6 +33,22 @@ EDGE = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Told:
+    """What a controller was told that acted on what is recorded.
+
+    Attributes:
+        joints: Whose controller did, shape (n,).
+        q, dq: As recorded, smoothed as the rest, shape (m, n).
+        taken: What part of the recorded speeds is taken for them, beside the slope of the positions, shape (n,).
+    """
+
+    joints: Mask
+    q: Vector
+    dq: Vector
+    taken: Vector
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Prepared:
     """A run on a uniform grid of m times.
 
@@ -45,6 +62,8 @@ class Prepared:
             rotation matrix, shape (m, 9).
         missing: Where they were bridged, or are no data, shape as measured.
         edge: Samples at either end where the smoothing does not hold.
+        told: What a controller acted on that was told the recorded positions and speeds, noise and all; None where no
+            record shows it.
     """
 
     run: Run
@@ -57,6 +76,7 @@ class Prepared:
     measured: Mapping[str, Vector]
     missing: Mapping[str, Mask]
     edge: int
+    told: Told | None = None
 
     def bridged(self, name: str) -> Mask:
         """Where a signal is smeared by what was bridged: as far from a hole as the smoothing reaches, shape (m, n)."""
@@ -72,14 +92,24 @@ def widened(flags: Mask, samples: float) -> Mask:
 
 @lru_cache(maxsize=256)
 def noise_in(run: Run, signal: str) -> ChannelNoise:
-    """`noise_of`, once a run and signal; at least what numbers that a simulation wrote are good for."""
-    noise = noise_of(run, signal)
+    """`noise_of` a sensor, once a run and signal; at least what numbers that a simulation wrote are good for."""
+    noise = noise_of(sensors_alone(run) if signal == "tau" else run, signal)
+    if signal == "q" and told(run) is not None:
+        noise = _quickest(noise, [noise_of(other, signal) for other in run.beside])
     if signal == "ee_rot":
         return replace(noise, sigma=np.maximum(noise.sigma, QUIETEST))
     values = run.signals[signal]
     size = np.sqrt(np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1))
     part = QUIETEST_TORQUE if signal.startswith("tau") else QUIETEST
     return replace(noise, sigma=np.maximum(noise.sigma, part * np.maximum(size, IDLE * size.max(initial=0.0))))
+
+
+def _quickest(noise: ChannelNoise, beside: Sequence[ChannelNoise]) -> ChannelNoise:
+    """Noise with the colour that is least slow in any run: what its loop shakes is slower than its sensor."""
+    orders = max(one.ar.shape[1] for one in (noise, *beside))
+    all_ar = np.array([np.pad(one.ar, ((0, 0), (0, orders - one.ar.shape[1]))) for one in (noise, *beside)])
+    least = np.argmin([[next_alike(ar) for ar in one] for one in all_ar], axis=0)
+    return replace(noise, ar=all_ar[least, np.arange(len(least))])
 
 
 def band_of(run: Run) -> float:
@@ -112,7 +142,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
         run: As read.
         band: Frequency below which runs are compared [Hz]; None: from the run.
         disturbed: Signals to which something is added first: name -> what, shapes as in the run (for noise); ee_rot:
-            small turns about the base's axes, shape (m, 3).
+            small turns about the base's axes, shape (m, 3). What a controller was told is as recorded but for "q_told"
+            and "dq_told".
     """
     interpolate: Any = import_module("scipy.interpolate")
     signal: Any = import_module("scipy.signal")
@@ -126,6 +157,9 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     signals = dict(run.signals)
     if "ee_rot" in signals:
         signals["ee_rot"] = turned(signals["ee_rot"], (disturbed or {}).get("ee_rot"))
+    joints = told(run)
+    for name in ("q", "dq") if joints is not None else ():
+        signals[f"{name}_told"] = run.signals[name]
     for name, extra in (disturbed or {}).items():
         if name != "ee_rot":
             signals[name] = signals[name] + extra
@@ -143,7 +177,57 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
         measured[name], missing[name] = smooth[::every], hole[::every]
     edge = int(np.ceil(EDGE / corner / (t[1] - t[0])))
     q, dq, ddq = motion
-    return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge)
+    seen = None
+    if joints is not None:
+        seen = Told(joints, measured.pop("q_told"), measured.pop("dq_told"), _taken(run, width))
+    return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge, seen)
+
+
+@lru_cache(maxsize=256)
+def _taken(run: Run, band: float) -> Vector:
+    """What part of recorded speeds tells best what a controller was told, beside the slope of positions, shape (n,).
+
+    Noise of a row does not last until the next one; a slope has the noise of positions in it.
+    """
+    k = ticks_a_row(run)
+    memory = np.array([next_alike(ar) for ar in noise_in(run, "dq").ar])
+    lasts = np.mean(np.maximum(memory, 1e-12)[:, None] ** (np.arange(k) / k), axis=1)
+    of_rows, of_slopes = _in_band(run, "dq", band, 0), _in_band(run, "q", band, 1)
+    return np.asarray((lasts * of_rows + of_slopes) / np.maximum(of_rows + of_slopes, 1e-300))
+
+
+def ticks_a_row(run: Run) -> int:
+    """How many of its controller's ticks a row of a record stands for."""
+    return max(1, round(run.control.rate / run.rate))
+
+
+def _in_band(run: Run, signal: str, band: float, order: int) -> Vector:
+    """Variance of the noise of a signal's derivative of an order below a frequency [Hz], shape (n,)."""
+    noise = noise_in(run, signal)
+    f = np.linspace(0.0, min(band, 0.5 * run.rate), 200)
+    turn = 2.0 * np.pi * f
+    found: list[float] = []
+    for sigma, ar in zip(noise.sigma, noise.ar, strict=True):
+        lags = np.arange(1, len(ar) + 1)
+        gain = 1.0 / np.abs(1.0 - np.exp(-1j * np.outer(turn / run.rate, lags)) @ ar) ** 2
+        density = 2.0 / run.rate * sigma**2 / float(np.sum(np.square(response_of(ar)))) * gain
+        found.append(float(np.trapezoid(density * turn ** (2 * order), f)))
+    return np.array(found)
+
+
+def next_alike(ar: Vector) -> float:
+    """Correlation of an autoregressive process with itself a sample later."""
+    response = response_of(ar)
+    return float(response[1:] @ response[:-1] / (response @ response))
+
+
+def response_of(ar: Vector) -> Vector:
+    """What becomes of one innovation of an autoregressive process."""
+    signal: Any = import_module("scipy.signal")
+
+    impulse = np.zeros(4000)
+    impulse[0] = 1.0
+    return np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), impulse))
 
 
 def turned(quaternions: Vector, by: Vector | None) -> Vector:

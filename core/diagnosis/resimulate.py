@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
 from .evidence import creep_of
-from .inverse import said
+from .inverse import arms_along, said
 from .prepare import Prepared, noise_in, prepared, widened
 
 Vector = NDArray[np.float64]
@@ -37,8 +37,8 @@ EARLY = 0.05
 ON_CLOCK = 1.0e-7
 # a record between whose samples is interpolated
 FINE_RATE = 1000.0
-# what is near the turn of a given motion [s]
-TURN = 0.004
+# what is near the turn of a given motion, and of one that a given torque makes, whose time is not known as well [s]
+TURN, TURNED = 0.004, 0.01
 # the first part of a run that tells whether it began at rest: seconds, and samples at least
 BEGINNING, FEWEST = 0.02, 8
 # what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
@@ -134,15 +134,26 @@ def compared(run: Run) -> dict[str, Vector]:
     """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
 
     In mode unknown that is torque alone, behind the filter that the motion was smoothed with, and not where that feels
-    a hole of the record: what is bridged there has no accelerations. Where a motion is given,
-    a joint's torque at the turn of its way is not compared: which sample friction changes its sign at nobody knows.
-    What was commanded in a gap of the record is not known either, and nothing is compared behind it until the
-    controller has caught up.
+    a hole of the record: what is bridged there has no accelerations. Where a motion is given, a joint's torque at the
+    turn of its way is not compared: which sample friction changes its sign at nobody knows; nor is, in mode torque,
+    what drives pass on there and as a window begins. What was commanded in a gap of the record is not known either, and
+    nothing is compared behind it until the controller has caught up, or a window begins anew.
     """
     if mode_of(run) == "motion":
         turns = _loose(smoothed(run), run.t, TURN)
         return {
             name: np.where(turns, np.nan, run.signals[name]) if name in ("tau", "tau_link") else run.signals[name]
+            for name in MEASURED
+            if run.has(name)
+        }
+    if mode_of(run) == "torque":
+        # a window begins with friction's bristles unbent, and turns when its start's noise lets it
+        loose = _loose(smoothed(run), run.t, TURNED)
+        begun: Vector = np.array(_edges(run))[:, None] - ON_CLOCK
+        loose |= np.any((run.t >= begun) & (run.t < begun + TURNED), axis=0)[:, None]
+        lost = _beyond_command(run)[:, None]
+        return {
+            name: np.where(lost | loose if name == "tau_link" else lost, np.nan, run.signals[name])
             for name in MEASURED
             if run.has(name)
         }
@@ -170,13 +181,24 @@ def compared(run: Run) -> dict[str, Vector]:
 
 
 def _beyond_command(run: Run) -> NDArray[np.bool_]:
-    """Rows behind a gap while a controller still makes up for what it was commanded there, shape (m,)."""
+    """Rows behind a gap in which what was commanded there still acts, shape (m,).
+
+    A controller makes up for it; where torque is commanded, the motion is lost until a window begins anew.
+    """
     lost = np.zeros(len(run.t), dtype=bool)
+    gaps = np.flatnonzero(np.diff(run.t) * run.rate > GAP) + 1
+    if run.control.mode == "torque":
+        reach = smoothed(run).edge * smoothed(run).h
+        for row, (begin, end) in product(gaps, pairwise(_edges(run))):
+            before, after = run.t[row - 1], run.t[row]
+            # a start beside the gap has the bridge's motion
+            first = begin if before - reach < begin < after + reach else max(begin, after)
+            lost |= (first <= run.t + ON_CLOCK) & (run.t < end - ON_CLOCK) & (before < end) & (begin < after + reach)
     if run.control.mode == "pd":
         gains = zip(run.control.kd, run.control.kp, strict=True)
         # a damped loop settles within some of these
         settled = CAUGHT_UP * max((kd / kp for kd, kp in gains if kp > 0.0), default=0.0)
-        for row in np.flatnonzero(np.diff(run.t) * run.rate > GAP) + 1:
+        for row in gaps:
             lost |= (run.t >= run.t[row]) & (run.t < run.t[row] + settled)
     return lost
 
@@ -283,24 +305,30 @@ def _simulated(
 
 
 def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:
-    """Mode torque: every window begins where the smoothed measurement was; a delayed torque is there from before."""
+    """Mode torque: every window begins where the smoothed measurement was; a delayed torque is there from before.
+
+    Arms that give are bent by what they bear along the measured motion; what rings in them is not known.
+    """
     ticks = run.control.rate * robot.delay
     rate = run.control.rate * (1 if abs(ticks - round(ticks)) < 1.0e-6 else FINER)
     control = replace(run.control, rate=rate)
     prompt = replace(robot, delay=0.0)
     grid = smoothed(run)
-    spans = max(1, int(np.ceil(run.t[-1] / WINDOW - 1.0e-9)))
-    # windows begin on ticks
-    edges = [round(run.duration * k / spans * run.control.rate) / run.control.rate for k in range(spans + 1)]
+    edges = _edges(run)
+    bent = _gives(prompt)
     pieces: list[dict[str, Vector]] = []
     for number, (begin, end) in enumerate(pairwise(edges)):
-        last = number == spans - 1
+        last = number == len(edges) - 2
         inside = (run.t >= begin - ON_CLOCK) & ((run.t < end - ON_CLOCK) | last)
         if not inside.any():
             continue
         duration = float(max(end, run.t[inside][-1]) - begin) + 2.0 / rate
         torque = held_torque(run, begin + np.arange(int(duration * rate) + 2) / rate - robot.delay)
         q, dq = (_between(grid.t, values, np.array([begin]))[0] for values in (grid.q, grid.dq))
+        start = state_at(prompt, q, dq)
+        if number and bent:
+            arms, darms = (_between(grid.t, values, np.array([begin]))[0] for values in arms_along(prompt, grid))
+            start = replace(start, q=arms, dq=darms)
         trace = simulate(
             prompt,
             backend,
@@ -309,11 +337,25 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
             duration=duration,
             rate=rate,
             step=step,
-            start=state_at(prompt, q, dq),
+            start=start,
             torque=torque,
         )
         pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run), held=True))
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+
+
+def _edges(run: Run) -> list[float]:
+    """Where the windows of mode torque begin, on ticks, and where the last one ends [s]."""
+    spans = max(1, int(np.ceil(run.t[-1] / WINDOW - 1.0e-9)))
+    return [round(run.duration * k / spans * run.control.rate) / run.control.rate for k in range(spans + 1)]
+
+
+def _gives(robot: Robot) -> bool:
+    """Whether arms bend under what they bear, and none hangs loose in play, which stands at one of its sides."""
+    drives = [stage.drive for stage in expanded(robot, imposed=False).robot.stages]
+    springs = [drive.spring for drive in drives if drive.spring is not None]
+    gives = bool(springs) or any(drive.passive for drive in drives)
+    return gives and all(spring.gap == 0.0 for spring in springs)
 
 
 def held_torque(run: Run, times: Vector) -> Vector:

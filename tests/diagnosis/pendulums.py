@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 from mbexport.core.control import Control
 from mbexport.core.recording import Run
@@ -125,6 +126,46 @@ def pendulum_run(
     control = Control("pd", (KP,), (KD,)) if mode == "pd" else Control(mode)
     stated = {"q": np.array([sigma["q"]]), "tau": np.array([sigma["tau"]])}
     return Run("swing", t, signals, control, stated, (), {}, "", (), rate)
+
+
+def noisy_loop(
+    sigma: dict[str, float],
+    *,
+    loud: bool = True,
+    heard: bool = True,
+    slope: float = 0.95,
+    every: int = 1,
+    seed: int = 3,
+) -> Run:
+    """What the sensors say of a pendulum whose controller acts on what they say.
+
+    Args:
+        sigma: Standard deviations of "q", of this correlation with itself a tick later, and of "dq" and "tau", white.
+        loud: Whether there is any noise.
+        heard: Whether the controller acts on it.
+        slope: The correlation.
+        every: Ticks a row.
+        seed: Of the noise.
+    """
+    random = np.random.default_rng(seed)
+    ticks = np.arange(4001) / 1000.0
+    asked, rate, _ = command(ticks)
+    white = random.normal(size=len(ticks))
+    slow = lfilter([math.sqrt(1.0 - slope**2)], [1.0, -slope], white)
+    noise = loud * np.column_stack([sigma["q"] * slow, sigma["dq"] * random.normal(size=len(ticks))])
+    q = dq = 0.0
+    rows = np.empty((len(ticks), 3))
+    for k, t in enumerate(ticks.tolist()):
+        seen, fast = (q, dq) + heard * noise[k]
+        tau = KP * (asked[k] - seen) + KD * (rate[k] - fast)
+        rows[k] = q + noise[k, 0], dq + noise[k, 1], tau + loud * sigma["tau"] * random.normal()
+        for part in range(FINE):
+            q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, tau, friction_free)
+    t = ticks[::every]
+    signals = dict(zip(("q", "dq", "tau"), rows[::every].T[:, :, None], strict=True))
+    signals |= {"q_cmd": asked[::every, None], "dq_cmd": rate[::every, None]}
+    stated = {name: np.array([value]) for name, value in sigma.items()}
+    return Run("swing", t, signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), 1000.0 / every)
 
 
 def soft_run(

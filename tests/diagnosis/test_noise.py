@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, NOISE, WEIGHT, command, pendulum_run
+from pendulums import INERTIA, NOISE, WEIGHT, noisy_loop, pendulum_run
 from scipy.integrate import quad
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
@@ -68,35 +68,14 @@ def test_what_runs_beside_state_does_not_hide_a_loop():
 
 @pytest.mark.parametrize("rounded", [False, True])
 def test_speeds_show_what_a_loud_torque_sensor_hides(rounded):
-    """Against the pendulum's equation of motion under a controller that acts on what its sensors say."""
     sigma = {"q": 3.0e-4, "dq": 1.0e-4, "tau": 0.06}
 
-    def moved(noisy):
-        random = np.random.default_rng(3)
-        ticks = np.arange(4001) / 1000.0
-        asked, rate, _ = command(ticks)
-        slow = lfilter([np.sqrt(1.0 - 0.95**2)], [1.0, -0.95], random.normal(size=len(ticks)))
-        told = sigma["q"] * slow, sigma["dq"] * random.normal(size=len(ticks))
-        q = dq = 0.0
-        rows = np.empty((len(ticks), 3))
-        for k in range(len(ticks)):
-            seen, fast = q + noisy * told[0][k], dq + noisy * told[1][k]
-            tau = KP * (asked[k] - seen) + KD * (rate[k] - fast)
-            rows[k] = seen, fast, tau + noisy * sigma["tau"] * random.normal()
-            for _ in range(3):
-                dq += (tau - WEIGHT * np.sin(q)) / INERTIA / 3000.0
-                q += dq / 3000.0
-        return ticks, dict(zip(("q", "dq", "tau"), rows.T[:, :, None], strict=True))
-
-    t, quiet = moved(0.0)
-    _, loud = moved(1.0)
+    quiet, loud = noisy_loop(sigma, loud=False), noisy_loop(sigma)
     if rounded:
-        loud["tau"] = np.round(loud["tau"] / 0.03) * 0.03
-    run = pendulum_run("pd", rate=1000.0)
-    stated = {name: np.array([value]) for name, value in sigma.items()}
-    floor = noise_floor(DATABASE, "rigid", replace(run, t=t, signals={**run.signals, **loud}, noise=stated)).sigma
+        loud = replace(loud, signals={**loud.signals, "tau": np.round(loud.signals["tau"] / 0.03) * 0.03})
+    floor = noise_floor(DATABASE, "rigid", loud).sigma
     for name in ("q", "dq", "tau"):
-        left = np.std((loud[name] - quiet[name])[1000:])
+        left = np.std((loud.signals[name] - quiet.signals[name])[1000:])
         assert 0.8 < floor[name][0] / left < 1.6
 
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, command, pendulum_run
+from scipy.integrate import solve_ivp
+from scipy.signal import savgol_filter
 
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
@@ -109,6 +111,62 @@ def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick()
         np.testing.assert_array_equal(held_torque(stamped, on_time.t), given)
         left = residuals(stamped, resimulated(robot(stamped), robot(stamped), stamped, "mjcf"))
         assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
+
+
+def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
+    """Against a motor and an arm with a spring between them, stepped by SciPy under a torque held from tick to tick."""
+    inertia, stiffness, damping = 0.05, 900.0, 6.0
+    ticks = np.arange(2001) / 1000.0
+    asked, rate, _ = command(ticks)
+    state, states, given = np.zeros(4), [], []
+
+    def bend(t, y, held):
+        passed = stiffness * (y[0] - y[2]) + damping * (y[1] - y[3])
+        return [y[1], (held - passed) / inertia, y[3], (passed - WEIGHT * np.sin(y[2])) / INERTIA]
+
+    for k in range(len(ticks)):
+        states.append(state)
+        given.append(KP * (asked[k] - state[0]) + KD * (rate[k] - state[1]))
+        state = solve_ivp(bend, (0.0, 1e-3), state, "RK45", args=(given[-1],), rtol=1e-8, atol=1e-11).y[:, -1]
+    random = np.random.default_rng(4)
+    states, held = np.array(states), np.array(given)[:, None]
+    q, q_link = (states[:, [i]] + NOISE["q"] * random.normal(size=held.shape) for i in (0, 2))
+    run = pendulum_run("torque", rate=1000.0, duration=2.0)
+    signals = {"q": q, "q_link": q_link, "tau_cmd": held, "tau": held + NOISE["tau"] * random.normal(size=held.shape)}
+    run = replace(run, signals=signals, noise=run.noise | {"q_link": np.array([NOISE["q"]])})
+    soft = robot(
+        run,
+        rotor_inertia=[EffectRow(1, FrozenMap({"inertia": inertia}))],
+        joint_compliance=[EffectRow(1, FrozenMap({"stiffness": stiffness, "damping": damping}))],
+    )
+    assert np.abs(states[:, 0] - states[:, 2]).max() > 200.0 * NOISE["q"]
+    left = residuals(run, resimulated(soft, robot(run), run, "mjcf"))
+    assert rms(left["q_link"]) < 3.0 * NOISE["q"]
+
+
+def test_torque_that_nobody_recorded_moves_nothing_that_is_compared():
+    run = pendulum_run("torque", rate=1000.0)
+    kept = (run.t < 1.05) | (run.t >= 1.27)
+    torn = replace(run, t=run.t[kept], signals={name: values[kept] for name, values in run.signals.items()})
+    simulated = resimulated(robot(torn), robot(torn), torn, "mjcf")
+    assert np.abs(torn.signals["q"] - simulated["q"]).max() > 200.0 * NOISE["q"]
+    left = residuals(torn, simulated)["q"]
+    assert rms(left) < 30.0 * NOISE["q"]
+    hidden = torn.t[np.isnan(left[:, 0])]
+    # up to the next window
+    assert hidden[0] == pytest.approx(1.27) and hidden[-1] == pytest.approx(1.5, abs=2e-3)
+
+
+def test_what_drives_pass_on_is_not_compared_where_friction_turns_or_a_window_begins():
+    run = pendulum_run("torque", rate=1000.0)
+    run = replace(run, signals={**run.signals, "tau_link": run.signals["tau"]})
+    known = np.isfinite(compared(run)["tau_link"][:, 0])
+    speed = np.gradient(savgol_filter(run.signals["q"][:, 0], 101, 3), run.t)
+    turn = run.t[1:][(np.diff(np.sign(speed)) != 0) & (run.t[1:] > 1.0)][0]
+    assert not known[np.abs(run.t - turn) < 0.006].any()
+    assert not known[(run.t >= 1.0) & (run.t < 1.01)].any()
+    far = np.min(np.abs(run.t[:, None] - np.arange(0.0, 4.0, 0.5)), axis=1) > 0.02
+    assert known[far & (np.abs(speed) > 0.3)][20:-20].all()
 
 
 def test_under_torque_alone_arms_are_held_against_their_motors():

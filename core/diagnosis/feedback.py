@@ -1,0 +1,61 @@
+"""How far controllers act on the noise of recorded positions and speeds, as their torque shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..recording import Run
+
+Vector = NDArray[np.float64]
+
+# differences of so high an order leave noise of a motion
+ORDER = 4
+# times what it should be: the record is what the controller was told
+TOLD = 0.7
+
+
+@lru_cache(maxsize=256)
+def followed(run: Run) -> Vector | None:
+    """By what part every joint's torque follows the noise of its recorded position and speed, shape (n,).
+
+    About 1 where the controller acts on what is recorded, about 0 where it knows better; None where no record tells.
+    """
+    control = run.control
+    if control.mode != "pd" or not (run.has("dq") and run.has("tau")):
+        return None
+    x, y = (np.diff(values, ORDER, axis=0) for values in (_fed_back(run), run.signals["tau"]))
+    good = np.isfinite(x) & np.isfinite(y)
+    x, y = np.where(good, x, 0.0), np.where(good, y, 0.0)
+    return np.asarray(np.sum(x * y, axis=0) / np.maximum(np.sum(x * x, axis=0), 1e-300))
+
+
+def told(run: Run) -> NDArray[np.bool_] | None:
+    """Joints whose controller was told what is recorded, noise and all, shape (n,); None where there are none."""
+    parts = followed(run)
+    if parts is None:
+        return None
+    joints = parts > TOLD
+    return joints if joints.any() else None
+
+
+@lru_cache(maxsize=256)
+def sensors_alone(run: Run) -> Run:
+    """The run, and those beside it, without what controllers that were told what is recorded made of it as torque.
+
+    What is left of a torque's scatter is its sensor's.
+    """
+    beside = tuple(sensors_alone(other) for other in run.beside)
+    parts, joints = followed(run), told(run)
+    if parts is None or joints is None:
+        return replace(run, beside=beside)
+    left = run.signals["tau"] - np.where(joints, parts * _fed_back(run), 0.0)
+    return replace(run, signals={**run.signals, "tau": left}, beside=beside)
+
+
+def _fed_back(run: Run) -> Vector:
+    """What recorded positions and speeds take from a controller's torque, shape (m, n)."""
+    return -np.array(run.control.kp) * run.signals["q"] - np.array(run.control.kd) * run.signals["dq"]

@@ -1,0 +1,46 @@
+"""What a controller makes of its sensors' noise, against pendulums whose controller does or does not hear it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pendulums import noisy_loop
+
+from mbexport.core.database import load
+from mbexport.core.diagnosis.evidence import gather
+from mbexport.core.diagnosis.feedback import followed, sensors_alone, told
+from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.prepare import noise_in
+
+DATABASE = load("pendulum")
+# speeds shake the torque more than its sensor does
+SIGMA = {"q": 5.0e-6, "dq": 0.02, "tau": 0.03}
+
+
+def test_a_torque_follows_the_noise_that_its_controller_hears():
+    assert followed(noisy_loop(SIGMA)) == pytest.approx([1.0], abs=0.1)
+    assert followed(noisy_loop(SIGMA, heard=False)) == pytest.approx([0.0], abs=0.1)
+    assert told(noisy_loop(SIGMA, heard=False)) is None
+    run = noisy_loop(SIGMA)
+    without = replace(run, signals={name: values for name, values in run.signals.items() if name != "dq"})
+    assert followed(without) is None
+
+
+def test_a_torque_sensor_is_known_behind_what_its_loop_scatters():
+    run = noisy_loop(SIGMA)
+    assert noise_in(replace(run, noise={}), "tau").sigma == pytest.approx([SIGMA["tau"]], rel=0.1)
+    left = sensors_alone(run).signals["tau"][:, 0]
+    assert np.std(np.diff(left, 4)) == pytest.approx(np.sqrt(70.0) * SIGMA["tau"], rel=0.05)
+
+
+@pytest.mark.parametrize(("every", "off"), [(1, 0.25), (2, 0.25), (4, 0.6)])
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_perfect_model_leaves_noise_of_unit_size(every, off, heard):
+    runs = [noisy_loop(SIGMA, heard=heard, every=every, seed=seed) for seed in range(4)]
+    evidence = gather(runs, [robot_of(DATABASE, "rigid", run) for run in runs])
+    left = evidence.residual(evidence.nominals)
+    for signal in ("tau", "u"):
+        found = np.concatenate([left[c.first : c.last] for c in evidence.channels if c.signal == signal])
+        assert np.mean(found**2) == pytest.approx(1.0, abs=off)
