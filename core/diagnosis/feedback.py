@@ -19,15 +19,19 @@ TOLD = 0.7
 
 
 @lru_cache(maxsize=256)
-def followed(run: Run) -> Vector | None:
+def followed(run: Run, signal: str = "tau") -> Vector | None:
     """By what part every joint's torque follows the noise of its recorded position and speed, shape (n,).
 
     About 1 where the controller acts on what is recorded, about 0 where it knows better; None where no record tells.
+
+    Args:
+        run: As read.
+        signal: "tau"; of "tau_link" by what part drives pass it on, for rotors keep some.
     """
     control = run.control
-    if control.mode != "pd" or not (run.has("dq") and run.has("tau")):
+    if control.mode != "pd" or not (run.has("dq") and run.has(signal)):
         return None
-    x, y = (np.diff(values, ORDER, axis=0) for values in (_fed_back(run), run.signals["tau"]))
+    x, y = (np.diff(values, ORDER, axis=0) for values in (_fed_back(run), run.signals[signal]))
     good = np.isfinite(x) & np.isfinite(y)
     x, y = np.where(good, x, 0.0), np.where(good, y, 0.0)
     return np.asarray(np.sum(x * y, axis=0) / np.maximum(np.sum(x * x, axis=0), 1e-300))
@@ -46,14 +50,13 @@ def told(run: Run) -> NDArray[np.bool_] | None:
 def sensors_alone(run: Run) -> Run:
     """The run, and those beside it, without what controllers that were told what is recorded made of it as torque.
 
-    What is left of a torque's scatter is its sensor's.
+    What is left of torques' scatter is their sensors'.
     """
-    beside = tuple(sensors_alone(other) for other in run.beside)
-    parts, joints = followed(run), told(run)
-    if parts is None or joints is None:
-        return replace(run, beside=beside)
-    left = run.signals["tau"] - np.where(joints, parts * _fed_back(run), 0.0)
-    return replace(run, signals={**run.signals, "tau": left}, beside=beside)
+    joints, signals = told(run), dict(run.signals)
+    for name in ("tau", "tau_link") if joints is not None else ():
+        if (parts := followed(run, name)) is not None:
+            signals[name] = signals[name] - np.where(joints, parts * _fed_back(run), 0.0)
+    return replace(run, signals=signals, beside=tuple(sensors_alone(other) for other in run.beside))
 
 
 def _fed_back(run: Run) -> Vector:

@@ -93,9 +93,10 @@ def widened(flags: Mask, samples: float) -> Mask:
 @lru_cache(maxsize=256)
 def noise_in(run: Run, signal: str) -> ChannelNoise:
     """`noise_of` a sensor, once a run and signal; at least what numbers that a simulation wrote are good for."""
-    noise = noise_of(sensors_alone(run) if signal == "tau" else run, signal)
-    if signal == "q" and told(run) is not None:
-        noise = _quickest(noise, [noise_of(other, signal) for other in run.beside])
+    torque = signal.startswith("tau")
+    noise = noise_of(sensors_alone(run) if torque else run, signal)
+    if not torque and told(run) is not None:
+        noise = _quickest(noise, [noise_of(other, signal) for other in run.beside if other.has(signal)])
     if signal == "ee_rot":
         return replace(noise, sigma=np.maximum(noise.sigma, QUIETEST))
     values = run.signals[signal]
