@@ -53,8 +53,9 @@ def sensors_alone(run: Run) -> Run:
     What is left of torques' scatter is their sensors'.
     """
     joints, signals = told(run), dict(run.signals)
-    for name in ("tau", "tau_link") if joints is not None else ():
-        if (parts := followed(run, name)) is not None:
+    for name in ("tau", "tau_link"):
+        parts = followed(run, name)
+        if joints is not None and parts is not None:
             signals[name] = signals[name] - np.where(joints, parts * _fed_back(run), 0.0)
     return replace(run, signals=signals, beside=tuple(sensors_alone(other) for other in run.beside))
 
