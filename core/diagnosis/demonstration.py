@@ -20,9 +20,9 @@ from .imagined import template
 from .mimic import Model, Sizes
 from .model import merged
 from .nuisances import whitening
-from .prepare import noise_in
 from .problem import Problem
 from .search import ALIKE_SHARE, THRESHOLD, Found, rows_of
+from .sensed import noise_in
 from .words import capitalised, cause_in_words
 
 Vector = NDArray[np.float64]

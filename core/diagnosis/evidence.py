@@ -19,17 +19,8 @@ from numpy.typing import NDArray
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .inverse import Said, said
-from .prepare import (
-    Prepared,
-    Told,
-    next_alike,
-    noise_in,
-    prepared,
-    response_of,
-    small_turn,
-    ticks_a_row,
-    widened,
-)
+from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
+from .sensed import next_alike, noise_in, response_of
 
 Vector = NDArray[np.float64]
 

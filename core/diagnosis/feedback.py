@@ -53,9 +53,10 @@ def sensors_alone(run: Run) -> Run:
     What is left of torques' scatter is their sensors'.
     """
     joints, signals = told(run), dict(run.signals)
+    if joints is None:
+        return run
     for name in ("tau", "tau_link"):
-        parts = followed(run, name)
-        if joints is not None and parts is not None:
+        if (parts := followed(run, name)) is not None:
             signals[name] = signals[name] - np.where(joints, parts * _fed_back(run), 0.0)
     return replace(run, signals=signals, beside=tuple(sensors_alone(other) for other in run.beside))
 

@@ -21,8 +21,9 @@ from ..representation import Robot
 from .evidence import CREEP, REST, Channel, Evidence
 from .inverse import said
 from .model import Rows
-from .prepare import HIGHEST_BAND, KEPT, Prepared, noise_in
+from .prepare import HIGHEST_BAND, KEPT, Prepared
 from .problem import Problem
+from .sensed import noise_in
 
 Vector = NDArray[np.float64]
 

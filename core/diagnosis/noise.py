@@ -18,8 +18,9 @@ from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .feedback import followed, told
 from .model import robot_of
-from .prepare import noise_in, prepared, small_turn
+from .prepare import prepared, small_turn
 from .resimulate import WINDOW, mode_of, settled, smoothed
+from .sensed import noise_in, response_of
 
 Vector = NDArray[np.float64]
 
@@ -155,15 +156,12 @@ def _independent(noise: ChannelNoise, m: int) -> Vector:
     return np.array([m / _squared_correlation(ar) for ar in noise.ar])
 
 
-def _squared_correlation(ar: Vector, lags: int = 4000) -> float:
+def _squared_correlation(ar: Vector) -> float:
     """Sum over all lags, 0 and both signs, of the squared autocorrelation of an autoregressive process (p,)."""
-    signal: Any = import_module("scipy.signal")
-
     if not np.any(ar):
         return 1.0
-    impulse = np.zeros(lags)
-    impulse[0] = 1.0
-    response = np.asarray(signal.lfilter([1.0], np.concatenate([[1.0], -ar]), impulse))
+    response = response_of(ar)
+    lags = len(response)
     spectrum = np.abs(np.fft.rfft(response, 2 * lags)) ** 2
     correlation = np.fft.irfft(spectrum)[:lags]
     correlation = correlation / correlation[0]

@@ -25,7 +25,8 @@ from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
 from .evidence import creep_of
 from .inverse import arms_along, said
-from .prepare import Prepared, noise_in, prepared, widened
+from .prepare import Prepared, prepared, widened
+from .sensed import noise_in
 
 Vector = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis.evidence import gather
 from mbexport.core.diagnosis.feedback import followed, sensors_alone, told
 from mbexport.core.diagnosis.model import robot_of
-from mbexport.core.diagnosis.prepare import noise_in
+from mbexport.core.diagnosis.sensed import noise_in
 
 DATABASE = load("pendulum")
 # speeds shake the torque more than its sensor does
