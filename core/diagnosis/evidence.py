@@ -241,7 +241,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
             if name in bridged:
                 mask[bridged[name]] = 0.0
             if name == "u" and run.told is not None:
-                mask[bridged["q_told"] | bridged["dq_told"]] = 0.0
+                mask[(bridged["q_told"] | bridged["dq_told"]) & run.told.joints] = 0.0
         if name in ("tau", "u"):
             mask[unsure] = 0.0
         masks[name] = mask

@@ -27,8 +27,6 @@ Vector = NDArray[np.float64]
 # how well a standard deviation is known [relative]: as its log states it, as it is estimated, and where it is slow: on
 # 60 cases of the blind bank's set for tuning a tenth of such channels is estimated under 0.73 of it, 2 % under 0.6
 STATED, ESTIMATED, SLOW = 0.03, 0.2, 0.3
-# what an autoregression adds up to from which noise is slow
-COLOURED = 0.2
 # what two good integrators may differ by, as a part of the signal
 NUMERICAL = 1.0e-6
 # instants at which tolerances are followed [Hz]
@@ -115,7 +113,7 @@ def _known(run: Run, name: str) -> float:
     """How well the standard deviation of a signal's noise is known, relative."""
     if name in run.noise:
         return STATED
-    return SLOW if float(np.abs(noise_in(run, name).ar).sum(axis=1).max()) > COLOURED else ESTIMATED
+    return SLOW if noise_in(run, name).slow.any() else ESTIMATED
 
 
 def _mean(values: Vector) -> Vector:
@@ -229,7 +227,8 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
     jacobian = kinematics(robot).jacobian(grid.q[:: max(1, len(grid.t) // 50)])
     added = {"q": shaken, "q_link": shaken, "dq": hurried, "tau_link": passed}
     # where nothing else is known, an estimated torque's scatter has the loop's in it already
-    added |= {"tau": reported} if "tau" in run.noise or told(run) is not None else {}
+    apart = np.ones(run.n, dtype=bool) if "tau" in run.noise else told(run)
+    added |= {"tau": reported * apart} if apart is not None else {}
     added = {name: values * true for name, values in added.items()}
     for name, rows in (("ee", jacobian[:, :3]), ("ee_rot", jacobian[:, 3:])):
         added[name] = np.sqrt(np.mean(np.sum(np.square(rows * (shaken * true)), axis=2), axis=0))
@@ -249,8 +248,10 @@ def _sees(run: Run) -> bool | None:
     Rounding may hide that it does, and cannot make it look as if it did.
     """
     parts = followed(run)
-    if parts is None or np.median(parts) >= SEEN:
-        return None if parts is None else True
+    if parts is None:
+        return None
+    if np.median(parts) >= SEEN:
+        return True
     rounded = any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau"))
     return None if rounded else False
 

@@ -192,9 +192,10 @@ def _beyond_command(run: Run) -> NDArray[np.bool_]:
         reach = smoothed(run).edge * smoothed(run).h
         for row, (begin, end) in product(gaps, pairwise(_edges(run))):
             before, after = run.t[row - 1], run.t[row]
-            # a start beside the gap has the bridge's motion
-            first = begin if before - reach < begin < after + reach else max(begin, after)
-            lost |= (first <= run.t + ON_CLOCK) & (run.t < end - ON_CLOCK) & (before < end) & (begin < after + reach)
+            if before < end and begin < after + reach:
+                # a start beside the gap has the bridge's motion
+                first = begin if begin > before - reach else after
+                lost |= (run.t >= first - ON_CLOCK) & (run.t < end - ON_CLOCK)
     if run.control.mode == "pd":
         gains = zip(run.control.kd, run.control.kp, strict=True)
         # a damped loop settles within some of these
@@ -316,7 +317,9 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
     prompt = replace(robot, delay=0.0)
     grid = smoothed(run)
     edges = _edges(run)
-    bent = _gives(prompt)
+    # motors' positions and speeds as windows begin, and those of arms that are bent
+    there = (grid.q, grid.dq, *(arms_along(prompt, grid) if _gives(prompt) else ()))
+    starts = [_between(grid.t, values, np.array(edges)) for values in there]
     pieces: list[dict[str, Vector]] = []
     for number, (begin, end) in enumerate(pairwise(edges)):
         last = number == len(edges) - 2
@@ -325,11 +328,10 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
             continue
         duration = float(max(end, run.t[inside][-1]) - begin) + 2.0 / rate
         torque = held_torque(run, begin + np.arange(int(duration * rate) + 2) / rate - robot.delay)
-        q, dq = (_between(grid.t, values, np.array([begin]))[0] for values in (grid.q, grid.dq))
+        q, dq, *arms = (values[number] for values in starts)
         start = state_at(prompt, q, dq)
-        if number and bent:
-            arms, darms = (_between(grid.t, values, np.array([begin]))[0] for values in arms_along(prompt, grid))
-            start = replace(start, q=arms, dq=darms)
+        if number and arms:
+            start = replace(start, q=arms[0], dq=arms[1])
         trace = simulate(
             prompt,
             backend,

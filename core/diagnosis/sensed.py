@@ -23,7 +23,11 @@ QUIETEST, QUIETEST_TORQUE, IDLE = 1.0e-6, 1.0e-4, 1.0e-3
 
 @lru_cache(maxsize=256)
 def noise_in(run: Run, signal: str) -> ChannelNoise:
-    """`noise_of` a sensor, once a run and signal; at least what numbers that a simulation wrote are good for."""
+    """`noise_of` a sensor, once a run and signal; at least what numbers that a simulation wrote are good for.
+
+    Where the record shows a controller that hears its sensors, torques count without what it makes of them, and motions
+    have the colour of the run that it shakes least.
+    """
     torque = signal.startswith("tau")
     noise = noise_of(sensors_alone(run) if torque else run, signal)
     if not torque and told(run) is not None:

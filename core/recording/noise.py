@@ -47,6 +47,11 @@ class ChannelNoise:
     step: Vector
     stated: bool
 
+    @property
+    def slow(self) -> Rows:
+        """Which channels have noise that is not white, shape (n,)."""
+        return np.abs(self.ar).sum(axis=1) > _WHITE
+
 
 def known_together(runs: Sequence[Run]) -> list[Run]:
     """Runs that each know which of the others have the same control and rate, and so the same noise."""
@@ -66,15 +71,14 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
         KeyError: The run has no such signal.
     """
     own = noise_alone(run, signal)
-    slow = np.flatnonzero(np.abs(own.ar).sum(axis=1) > _WHITE)
+    slow = np.flatnonzero(own.slow)
     if own.stated or not len(slow):
         return own
     sigma, ar = own.sigma.copy(), own.ar.copy()
     for other in (noise_alone(one, signal) for one in run.beside if one.has(signal)):
         for i in slow.tolist():
             floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
-            white = float(np.abs(other.ar[i]).sum()) <= _WHITE
-            if white and floor < other.sigma[i] < sigma[i] / _LOUDER:
+            if not other.slow[i] and floor < other.sigma[i] < sigma[i] / _LOUDER:
                 sigma[i], ar[i] = other.sigma[i], 0.0
     return replace(own, sigma=sigma, ar=ar)
 
