@@ -280,11 +280,14 @@ class _Diagnosing:
         if looking:
             state = search(state, self._found_so_far)
         held = judge.held(state.found)
-        if held.failed and not held.explains:
-            # what holds on the runs that were fitted alone may stand in the way of what holds everywhere
-            other = search(state.without(held.failed), self._found_so_far)
+        # what holds on the runs that were fitted alone may stand in the way of what holds everywhere; and what bends
+        # another finding's law, of what goes with that one as well
+        for out, closes in ((held.failed, False), (held.bends, True)):
+            if not out or held.explains or (closes and held.adequate):
+                continue
+            other = search(state.without(out), self._found_so_far)
             again = judge.held(other.found)
-            if again.by > held.by + HELPS:
+            if again.by > held.by + HELPS and (again.adequate or not closes):
                 return other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
         return state, held
 

@@ -82,6 +82,11 @@ class Held:
     by_bands: bool = False
 
     @property
+    def bends(self) -> set[tuple[str, str]]:
+        """Effects and places of those that were no more than another form of a law."""
+        return {(item.effect, item.at) for item in self.dropped if item.why == OTHER_LAW}
+
+    @property
     def by(self) -> float:
         """How far the gap shrinks."""
         return (self.how_far.shrinks_by or 0.0) if self.found else 0.0
@@ -158,7 +163,7 @@ class Judge:
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
-        while (idle := _idle(found, unseen.gains, how_far)) is not None:
+        while (idle := self._idle(found, unseen.gains, how_far)) is not None:
             if tries and not numbers and (numbers := self._numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
@@ -176,6 +181,32 @@ class Judge:
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
         crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
         return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])
+
+    def _idle(self, found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
+        """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
+
+        Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the
+        loudest drown what closes the gap of a quiet one. What then helps plainly stays though its interval is wide:
+        where a loop gives way, as at a drive's limit, little decides how far.
+        """
+        total, sure = how_far.shrinks_by, how_far.ci95
+        # before a clamped output what gives is there for the others, not for the gap
+        judged_by = [k for k, item in enumerate(found) if not gives_alone(self.whole, found, item)]
+        if total is None or sure is None or not judged_by:
+            # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
+            # makes less of its sensor's noise, which looks like a better fit
+            doubtful = (found[k] for k in judged_by)
+            return next((item for item in doubtful if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
+        helps: list[float] = []
+        for item, gain in ((found[k], gains[k]) for k in judged_by):
+            help_there = total - (how_far.without.get(name_of(item)) or 0.0)
+            # of a delay evidence knows nothing: what is stamped a tick late says as much
+            doubted = gain < BEYOND_DOUBT or item.effect == "delay"
+            helps.append(help_there - (HELPS if doubted else -HARMS))
+        least = int(np.argmin(helps))
+        item, gain = found[judged_by[least]], gains[judged_by[least]]
+        plain = total > PLAINLY and gain >= BEYOND_DOUBT
+        return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 
     def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
         """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
@@ -201,7 +232,7 @@ class Judge:
                 after=after,
                 numbers=(),
             )
-            if other.adequate and _idle(found, unseen.gains, how_far) is None:
+            if other.adequate and self._idle(found, unseen.gains, how_far) is None:
                 return other
         return held
 
@@ -429,29 +460,6 @@ class Judge:
                 refusal = error
         assert refusal is not None
         raise refusal
-
-
-def _idle(found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
-    """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
-
-    Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
-    drown what closes the gap of a quiet one. What then helps plainly stays though its interval is wide: where a loop
-    gives way, as at a drive's limit, little decides how far.
-    """
-    total, sure = how_far.shrinks_by, how_far.ci95
-    if total is None or sure is None or not found:
-        # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
-        # makes less of its sensor's noise, which looks like a better fit
-        return next((item for item in found if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
-    helps: list[float] = []
-    for item, gain in zip(found, gains, strict=True):
-        help_there = total - (how_far.without.get(name_of(item)) or 0.0)
-        # of a delay evidence knows nothing: what is stamped a tick late says as much
-        doubted = gain < BEYOND_DOUBT or item.effect == "delay"
-        helps.append(help_there - (HELPS if doubted else -HARMS))
-    least = int(np.argmin(helps))
-    plain = total > PLAINLY and gains[least] >= BEYOND_DOUBT
-    return found[least] if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 
 
 def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:

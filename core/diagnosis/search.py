@@ -194,9 +194,8 @@ class Search:
     def without(self, names: Collection[tuple[str, str]]) -> Search:
         """A search from the beginning that knows what this one worked out, but for effects at places."""
         other = Search(self.problem, self.whiten, first=self.first, signatures=self.signatures, scales=self.scales)
-        other.banned = self.banned | {
-            item.key for item in (one.hypothesis for one in self.first) if (item.effect, item.place) in names
-        }
+        known = (*(one.hypothesis for one in self.first), *self.found)
+        other.banned = self.banned | {item.key for item in known if (item.effect, item.place) in names}
         other.begin()
         return other
 
@@ -344,7 +343,7 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
             trial = _beside_or_more(others, [_found(contender, rows)])
             other = Search(problem, whiten)
             prune(other, trial, refined(problem, whiten, trial, parts), parts)
-            if without_bodies(problem, other.found) or not other.found:
+            if without_bodies(problem, other.found) or _stuck(problem, other.found) or not other.found:
                 continue
             dearer = THRESHOLD * (len(other.found) - len(state.found)) + 2.0 * (
                 other.slope.shape[1] - fit.slope.shape[1]
@@ -742,13 +741,13 @@ def prune(
 
 def gives_alone(problem: Problem, found: Sequence[Found], item: Found) -> bool:
     """Whether nothing else gives before a clamped output, where another finding needs its motor to move."""
-    others = [other for other in found if other is not item and other.at == item.at]
-    return (
-        item.effect in GIVING
-        and clamped(problem, item.at)
-        and any(effect_named(other.effect).key == "joint" for other in others)
-        and not any(other.effect in GIVING for other in others)
-    )
+    return item.effect in GIVING and item.at in _stuck(problem, [other for other in found if other is not item])
+
+
+def _stuck(problem: Problem, found: Sequence[Found]) -> set[int]:
+    """Joints with clamped outputs before which nothing gives, where a finding needs the motor to move."""
+    moving = {item.at for item in found if effect_named(item.effect).key == "joint" and clamped(problem, item.at)}
+    return moving - {item.at for item in found if item.effect in GIVING}
 
 
 def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> float:

@@ -10,8 +10,10 @@ from pendulums import pendulum_run
 
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.diagnose import diagnose
 from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.hypotheses import GIVING
 from mbexport.core.diagnosis.inverse import clamped_at, said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
@@ -51,6 +53,17 @@ def clamped_run(gap=0.0, seed=0, rate=100.0, duration=4.0, **signals):
         noise={"q": np.array([1e-6]), "tau": np.array([0.02])},
         locked=(1,),
     )
+
+
+def rubbing_run(seed):
+    """A motor before so much clearance that no spring is felt, that dry friction and eight slipping springs hold."""
+    run, stiffness, torque, slips = clamped_run(1.0, seed), 900.0, 2.5, 8
+    q = run.signals["q"][:, 0]
+    most = torque * np.arange(1, slips + 1) / (slips * (slips + 1) / 2)
+    bent = np.zeros((len(q), slips))
+    for row, step in enumerate(np.diff(q)):
+        bent[row + 1] = np.clip(bent[row] + stiffness / slips * step, -most, most)
+    return replace(run, signals={**run.signals, "tau": run.signals["tau"] + bent.sum(axis=1)[:, None]})
 
 
 def robot(run, **rows):
@@ -123,3 +136,27 @@ def test_what_lets_a_clamped_motor_move_stays_beside_its_friction():
     ]
     prune(state, found, refined(asked, state.whiten, found, parts), parts)
     assert [item.effect for item in state.found] == ["joint_compliance", "coulomb_friction"]
+
+
+def test_what_lets_a_clamped_motor_move_gives_way_to_nothing_rigid():
+    asked = problem(DATABASE, "rigid", [rubbing_run(seed) for seed in (1, 2)])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    found = {item.effect: item.row.values for item in search(state).found}
+    assert {"coulomb_friction", "hysteresis"} < found.keys() <= {"coulomb_friction", "hysteresis", *GIVING}
+    assert found["hysteresis"]["torque"] == pytest.approx(2.5, rel=0.05)
+
+
+def test_it_stays_where_runs_are_judged_that_no_fit_saw():
+    diagnosis = diagnose(DATABASE, [rubbing_run(1), rubbing_run(2)], holdout=[rubbing_run(3)])
+    named = {finding.effect for finding in diagnosis.which}
+    assert "hysteresis" in named
+    assert named & {*GIVING}
+
+
+def test_another_search_does_without_what_the_first_round_could_not_know():
+    asked = problem(DATABASE, "rigid", [clamped_run(0.0, seed) for seed in (1, 2)])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    other = search(search(state).without({("coulomb_friction", "joint_1")}))
+    assert "coulomb_friction" not in {item.effect for item in other.found}

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mbexport
 from mbexport.core.database import load
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
@@ -156,3 +157,15 @@ def test_the_cycloidal_actuator(tmp_path):
     q, tau = run.signals["q"][:, 0], run.signals["tau"][:, 0]
     # published for this preload: 0.30 degrees of play
     assert np.degrees(np.ptp(q[np.abs(tau) < 0.3])) == pytest.approx(0.30, abs=0.03)
+
+
+def test_a_preloaded_gear_gives_as_a_spring_and_not_by_play(tmp_path):
+    log = data("jelmer_cycloidal", "test_data", "2024-07-19__11-35-25__torqueramp__split_onyx 8pre1.csv.gz")
+    converter("cycloidal_actuator").convert(log, tmp_path)
+    runs = [tmp_path / "runs" / f"play-{k}" for k in (1, 2, 3)]
+    diagnosis = mbexport.diagnose(tmp_path / "robot", runs[:2], holdout=runs[2:])
+    assert diagnosis.verdict == "explained"
+    assert {finding.effect for finding in diagnosis.which} == {"joint_compliance", "hysteresis"}
+    (spring,) = (finding for finding in diagnosis.which if finding.effect == "joint_compliance")
+    # least squares on the same ramps: 776 N m/rad with Coulomb friction alone beside it
+    assert 500.0 < spring.parameters["stiffness"].value < 776.0
