@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -163,7 +163,7 @@ class Judge:
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
-        while (idle := self._idle(found, unseen.gains, how_far)) is not None:
+        while (idle := _idle(found, unseen.gains, how_far, self._needed(found))) is not None:
             if tries and not numbers and (numbers := self._numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
@@ -182,31 +182,9 @@ class Judge:
         crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
         return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])
 
-    def _idle(self, found: Sequence[Found], gains: Sequence[float], how_far: HowFar) -> Found | None:
-        """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
-
-        Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the
-        loudest drown what closes the gap of a quiet one. What then helps plainly stays though its interval is wide:
-        where a loop gives way, as at a drive's limit, little decides how far.
-        """
-        total, sure = how_far.shrinks_by, how_far.ci95
-        # before a clamped output what gives is there for the others, not for the gap
-        judged_by = [k for k, item in enumerate(found) if not gives_alone(self.whole, found, item)]
-        if total is None or sure is None or not judged_by:
-            # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
-            # makes less of its sensor's noise, which looks like a better fit
-            doubtful = (found[k] for k in judged_by)
-            return next((item for item in doubtful if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
-        helps: list[float] = []
-        for item, gain in ((found[k], gains[k]) for k in judged_by):
-            help_there = total - (how_far.without.get(name_of(item)) or 0.0)
-            # of a delay evidence knows nothing: what is stamped a tick late says as much
-            doubted = gain < BEYOND_DOUBT or item.effect == "delay"
-            helps.append(help_there - (HELPS if doubted else -HARMS))
-        least = int(np.argmin(helps))
-        item, gain = found[judged_by[least]], gains[judged_by[least]]
-        plain = total > PLAINLY and gain >= BEYOND_DOUBT
-        return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
+    def _needed(self, found: Sequence[Found]) -> set[tuple[str, int]]:
+        """Keys of what gives before clamped outputs, without which nothing could move there."""
+        return {item.key for item in found if gives_alone(self.whole, found, item)}
 
     def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
         """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
@@ -232,7 +210,7 @@ class Judge:
                 after=after,
                 numbers=(),
             )
-            if other.adequate and self._idle(found, unseen.gains, how_far) is None:
+            if other.adequate and _idle(found, unseen.gains, how_far, self._needed(found)) is None:
                 return other
         return held
 
@@ -349,7 +327,7 @@ class Judge:
                 kept = [item for item in kept if item.key not in unreal]
                 continue
             # without what gives nothing could move before a clamped output
-            needed = trusted.keys() | {item.key for item in kept if gives_alone(self.whole, kept, item)}
+            needed = trusted.keys() | self._needed(kept)
             if not self.by_bands:
                 # along a motion a delay is hardly told from stamps; what it does to a loop, simulation knows
                 needed |= {item.key for item in kept if item.effect == "delay"}
@@ -460,6 +438,34 @@ class Judge:
                 refusal = error
         assert refusal is not None
         raise refusal
+
+
+def _idle(
+    found: Sequence[Found], gains: Sequence[float], how_far: HowFar, needed: Collection[tuple[str, int]] = ()
+) -> Found | None:
+    """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.
+
+    Where its evidence there is beyond doubt, it is enough that it does no harm: in a sum over all channels the loudest
+    drown what closes the gap of a quiet one. What then helps plainly stays though its interval is wide: where a loop
+    gives way, as at a drive's limit, little decides how far. What the others need is none.
+    """
+    total, sure = how_far.shrinks_by, how_far.ci95
+    judged_by = [k for k, item in enumerate(found) if item.key not in needed]
+    if total is None or sure is None or not judged_by:
+        # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
+        # makes less of its sensor's noise, which looks like a better fit
+        doubtful = (found[k] for k in judged_by)
+        return next((item for item in doubtful if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
+    helps: list[float] = []
+    for item, gain in ((found[k], gains[k]) for k in judged_by):
+        help_there = total - (how_far.without.get(name_of(item)) or 0.0)
+        # of a delay evidence knows nothing: what is stamped a tick late says as much
+        doubted = gain < BEYOND_DOUBT or item.effect == "delay"
+        helps.append(help_there - (HELPS if doubted else -HARMS))
+    least = int(np.argmin(helps))
+    item, gain = found[judged_by[least]], gains[judged_by[least]]
+    plain = total > PLAINLY and gain >= BEYOND_DOUBT
+    return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 
 
 def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:
