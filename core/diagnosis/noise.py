@@ -16,7 +16,7 @@ from ..kinematics import dynamics, kinematics
 from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
-from .feedback import followed, told
+from .feedback import hears, told
 from .model import robot_of
 from .prepare import prepared, small_turn
 from .resimulate import WINDOW, mode_of, settled, smoothed
@@ -247,10 +247,10 @@ def _sees(run: Run) -> bool | None:
 
     Rounding may hide that it does, and cannot make it look as if it did.
     """
-    parts = followed(run)
-    if parts is None:
+    part = hears(run)
+    if part is None:
         return None
-    if np.median(parts) >= SEEN:
+    if part >= SEEN:
         return True
     rounded = any(np.any(noise_in(run, name).step > 0.0) for name in ("q", "dq", "tau"))
     return None if rounded else False

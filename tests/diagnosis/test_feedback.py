@@ -10,9 +10,10 @@ from pendulums import noisy_loop
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis.evidence import gather
-from mbexport.core.diagnosis.feedback import followed, sensors_alone, told
+from mbexport.core.diagnosis.feedback import followed, hears, sensors_alone, told
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.sensed import noise_in
+from mbexport.core.recording.noise import known_together
 
 DATABASE = load("pendulum")
 # speeds shake the torque more than its sensor does
@@ -26,6 +27,26 @@ def test_a_torque_follows_the_noise_that_its_controller_hears():
     run = noisy_loop(SIGMA)
     without = replace(run, signals={name: values for name, values in run.signals.items() if name != "dq"})
     assert followed(without) is None
+
+
+def test_an_arm_that_rings_hears_no_noise():
+    """Its torque follows what is recorded, too: all of a motion that is there, and nothing of the sensors' noise."""
+    run = noisy_loop({"q": 5.0e-6, "dq": 0.001, "tau": 0.03}, heard=False)
+    turn = 2.0 * np.pi * 0.4 * 0.5 * run.rate
+    rings = (1.0e-4 * np.exp(-run.t) * np.sin(turn * run.t))[:, None]
+    faster = np.gradient(rings[:, 0], run.t)[:, None]
+    moved = {"q": rings, "dq": faster, "tau": -run.control.kp[0] * rings - run.control.kd[0] * faster}
+    shaken = replace(run, signals={name: values + moved.get(name, 0.0) for name, values in run.signals.items()})
+    assert np.std(moved["tau"]) > 3.0 * np.std(np.array(run.control.kd) * 0.001)
+    assert hears(shaken) == pytest.approx(0.0, abs=0.2)
+    assert told(shaken) is None
+
+
+def test_a_controller_hears_all_its_sensors_or_none():
+    runs = [noisy_loop(SIGMA, heard=seed == 0, seed=seed) for seed in range(3)]
+    assert told(runs[0]) is not None
+    # its runs beside it know better: what looks so in one alone is something else
+    assert told(known_together(runs)[0]) is None
 
 
 def test_a_torque_sensor_is_known_behind_what_its_loop_scatters():
