@@ -3,7 +3,8 @@
 Inverse dynamics along a smoothed motion says which effects there are, and their numbers to a few parts in a hundred.
 A simulation knows holds, ticks and a loop's own answer exactly; from where the numbers are it is nearly linear in them,
 so that one Gauss-Newton step is enough. Only in a delay it is not: a record made at ticks jumps where a delay becomes
-another whole number of them, and so several are tried before.
+another whole number of them, and so several are tried before. And what rings faster than a smoothed motion shows seems
+to be damped there: less damping is tried, too.
 """
 
 from __future__ import annotations
@@ -37,6 +38,13 @@ MOST_SIMULATIONS, MOST_FROM_AFAR, MOST_ALONG = 40, 25, 160
 MOST_STEPS = 1.0e6
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
 LOOSE, LOOSER = 10.0, 100.0
+# what springs' damping may be, as parts of what the smoothed motion says
+RINGS = (1.0, 0.1, 0.01)
+DAMPING = {
+    "joint_compliance": ("damping",),
+    "joint_compliance_6d": ("bx", "by", "bz", "brx", "bry", "brz"),
+    "link_flexibility": ("bu", "bv"),
+}
 # of a step that overshoots
 PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
@@ -73,9 +81,6 @@ def polished(
         return None
     sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
     start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
-    size = np.maximum(np.maximum(np.abs(start), sigma), LEAST_SIZE)
-    step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
-    weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left(x: Vector) -> list[Vector]:
@@ -87,7 +92,11 @@ def polished(
     late = next((k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"), None)
     rounds, parts = (ROUNDS, PARTS[:1]) if late is None and not far else (ROUNDS_FROM_AFAR, PARTS)
     try:
-        before = cost(left(start), start)
+        before = loose.energy(left(start))
+        start = _ringing(fit, start, lambda x: loose.energy(left(x)))
+        size = np.maximum(np.maximum(np.abs(start), sigma), LEAST_SIZE)
+        step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
+        weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
         if late is not None:
             tick = tick_of(problem)
             ticks = _right_tick(lambda at: loose.energy(left(_with(start, late, tick * at))), start[late] / tick)
@@ -114,6 +123,12 @@ def polished(
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
     return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
+
+
+def _ringing(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vector:
+    """Numbers with as much of their springs' damping as leaves least energy."""
+    damped = np.array([name in DAMPING.get(effect, ()) for effect, _, name in fit.free])
+    return min((np.where(damped, part * x, x) for part in RINGS), key=energy) if damped.any() else x
 
 
 def _right_tick(energy: Callable[[float], float], ticks: float) -> float:

@@ -24,9 +24,11 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 
 # numbers that only a form of the effect has, or that no run shows
-_HELD = {"hysteresis": ("slips",), "link_flexibility": ("at",), "backlash": ("damping",)}
+_HELD = {"hysteresis": ("slips",), "backlash": ("damping",)}
+# numbers that are fitted even where they are what they are by default
+_ALWAYS = {"base_tilt": ("roll", "pitch"), "controller_gain": ("kp", "kd"), "link_flexibility": ("at",)}
 # numbers that say how an effect goes, not how much of it there is
-_SHAPES = ("phase", "cycles", "velocity", "rest", "slips")
+_SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at")
 _EVALUATIONS = 25
 # change of the sum of squares, or of the numbers, from which a fit has come to its end
 ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
@@ -44,6 +46,8 @@ BEYOND, MOST_TICKS, BETTER = 0.1, 5, 2.0
 _ON_TIME = EffectRow(0, {"time": 0.0})
 # part of an arm's mass that may be too much
 LIGHTEST = 0.9
+# part of an arm's length on the shorter side of its bend
+SHORTEST_PART = 0.05
 # what a bearing's direction must add to the log evidence not to be rigid
 BEARING, TOLD = "joint_compliance_6d", 1.0
 # one standard deviation of a number that no run shows, in its size
@@ -141,21 +145,19 @@ def vanished(fit: Refined, item: Found) -> bool:
 
 
 def free_columns(effect: str, row: EffectRow) -> list[str]:
-    """Which of a row's numbers are there to be fitted: those that differ from what they are by default."""
+    """Which of a row's numbers are there to be fitted: those that differ from what they are by default.
+
+    And those without which the others would be wrong: where an arm bends is known as little as how much.
+    """
     columns = effect_named(effect).columns
-    held = _HELD.get(effect, ())
-    out = [
+    held, always = _HELD.get(effect, ()), _ALWAYS.get(effect, ())
+    return [
         c.name
         for c in columns
         if c.name not in held
         and np.isfinite(row.values[c.name])
-        and (c.default is None or row.values[c.name] != c.default)
+        and (c.default is None or c.name in always or row.values[c.name] != c.default)
     ]
-    if effect == "controller_gain":
-        return ["kp", "kd"]
-    if effect == "base_tilt":
-        return ["roll", "pitch"]
-    return out
 
 
 def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: Sequence[Part]) -> Refined:
@@ -343,6 +345,9 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
         low = max(low, *(SLOWEST * float(creep[at - 1]) for creep in problem.evidence.creeps))
         fastest = max(float(np.abs(run.dq[:, at - 1]).max()) for run in problem.evidence.runs)
         high = max(FASTEST * fastest, 2.0 * low)
+    if (effect, name) == ("link_flexibility", "at"):
+        # both parts of an arm that bends have a length and a mass
+        low, high = SHORTEST_PART, 1.0 - SHORTEST_PART
     if (effect, name) in _FACTORS:
         # what is said of a drive is of its order
         low, high = 1.0 / MOST_TIMES, MOST_TIMES
