@@ -42,6 +42,8 @@ MOST_CYCLES: Mapping[JointKind, float] = {"revolute": 400.0, "prismatic": 8000.0
 STANDS_OUT = 8.0
 # part that either half of a wave has by itself
 SINGLE = 0.01
+# part of a joint's torques that is no peak of noise
+NEARLY_ALL = 0.999
 _WAVES = ("transmission_error", "torque_ripple")
 # waves go together whose cycles do but for this many that runs can tell apart
 NEAR = 2.0
@@ -107,7 +109,8 @@ class Scales:
     """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia.
 
     With what is left of every run's torque, and of its arm sides' positions where these were measured, shapes (m, n);
-    and the weight [N] that each joint bears, with the length [m] of the arms from there on, shapes (n,).
+    and the weight [N] that each joint bears, with the length [m] of the arms from there on, shapes (n,); and the
+    largest torque that the motion takes.
     """
 
     torque: Vector
@@ -121,6 +124,7 @@ class Scales:
     length: float = 1.0
     weight: Vector = field(default_factory=lambda: np.zeros(0))
     lever: Vector = field(default_factory=lambda: np.zeros(0))
+    peak: Vector = field(default_factory=lambda: np.zeros(0))
 
 
 def _felt(run: Prepared, speech: Said) -> Vector | None:
@@ -166,7 +170,13 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         reach,
         9.81 * np.maximum(np.cumsum(masses[::-1])[::-1], 0.001),
         np.maximum(np.cumsum(lengths[::-1])[::-1], 0.01 * reach),
+        np.max([_hardest(run, speech) for run, speech in zip(evidence.runs, spoken, strict=True)], axis=0),
     )
+
+
+def _hardest(run: Prepared, speech: Said) -> list[float]:
+    """The largest torque that each joint's motion takes, where the smoothing's ends are not felt."""
+    return [_nearly_all(torque) for torque in speech.tau[run.edge : len(run.t) - run.edge].T]
 
 
 def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tuple[str, int]] = ()) -> list[Hypothesis]:
@@ -347,16 +357,17 @@ def _delay(problem: Problem, scales: Scales, name: str, at: int, known: Values |
     return forms
 
 
+def _nearly_all(torque: Vector) -> float:
+    """What hardly any of a joint's torques (m,) are beyond; 0 where there are none."""
+    there = np.abs(torque[np.isfinite(torque)])
+    return float(np.quantile(there, NEARLY_ALL)) if len(there) else 0.0
+
+
 def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
     """A limit just below the largest torque: where there is one, the torque stays there."""
-    largest = 0.0
-    for run in problem.evidence.runs:
-        source = run.run.signals.get("tau", run.run.signals.get("tau_cmd"))
-        asked = run.run.signals["q"] * 0.0 if source is None else source
-        column = np.abs(asked[:, at - 1])
-        column = column[np.isfinite(column)]
-        if len(column):
-            largest = max(largest, float(np.quantile(column, 0.999)))
+    given = [run.run.signals.get("tau", run.run.signals.get("tau_cmd")) for run in problem.evidence.runs]
+    # what the motion takes, where nobody says what the motors gave
+    largest = max(scales.peak[at - 1] if one is None else _nearly_all(one[:, at - 1]) for one in given)
     if largest <= 0.0 or (known and known["torque"] <= largest):
         return []
 

@@ -80,6 +80,21 @@ def test_coulomb_friction_is_found_though_its_step_is_another():
     assert state.found[0].row.values["torque"] == pytest.approx(0.5, rel=0.03)
 
 
+def test_a_torque_limit_is_found_where_no_torque_was_recorded():
+    most = 2.2
+
+    def beyond(t, q, dq):
+        wanted, faster, _ = command(t)
+        asked = KP * (float(wanted) - q) + KD * (float(faster) - dq)
+        return asked - min(max(asked, -most), most)
+
+    runs = [pendulum_run("pd", seed=seed, against=beyond) for seed in (1, 2)]
+    places = [replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"}) for run in runs]
+    state, _ = found(problem(load("pendulum"), "rigid", places))
+    assert [(item.effect, item.place) for item in state.found] == [("torque_limit", "joint_1")]
+    assert state.found[0].row.values["torque"] == pytest.approx(most, rel=0.02)
+
+
 def test_taking_a_finding_out_by_its_covariance_is_as_good_as_fitting_without_it():
     asked = question(lambda t, q, dq: 0.4 * dq + 0.5 * math.tanh(dq / 2e-3))
     state, whiten = found(asked)
