@@ -17,6 +17,7 @@ from .model import Rows, tables
 from .nuisances import Whitening
 from .plain import Plain
 from .problem import Problem
+from .slopes import Sloped, differences
 
 if TYPE_CHECKING:
     from .search import Found
@@ -249,15 +250,17 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
             values[effect, at][name] = value
         return {key: EffectRow(key[1], v) for key, v in values.items()}
 
-    def residual(x: Vector) -> Vector:
-        return left_with(problem, whiten, tables(rows_at(x)))
-
     def whitened(x: Vector, sigma: Vector) -> Vector:
-        return np.concatenate([residual(x) / sigma, held.apart(x * size)])
+        return np.concatenate([residual.at(x) / sigma, held.apart(x * size)])
+
+    def slopes(x: Vector, sigma: Vector) -> Vector:
+        apart = differences(lambda there: held.apart(there * size), x, high)
+        return np.vstack([residual.slopes(x) / sigma[:, None], apart])
 
     held = Plain.of(problem, free)
+    residual = Sloped(lambda x: left_with(problem, whiten, tables(rows_at(x))), high)
     x = np.clip(start / size, low + 1e-12, high)
-    sigma = spread(residual(x), parts)
+    sigma = spread(residual.at(x), parts)
     sigma_last = sigma
     solution: Any = None
     # the first time only the spread is to be settled
@@ -265,8 +268,8 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         solution = optimize.least_squares(
             whitened,
             x,
+            slopes,
             bounds=(low, high),
-            diff_step=1e-3,
             max_nfev=_EVALUATIONS,
             xtol=enough,
             ftol=enough,
@@ -275,7 +278,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         x = np.asarray(solution.x)
         sigma_last = sigma
         sigma = spread(np.asarray(solution.fun)[: len(sigma)] * sigma, parts)
-    left = residual(x)
+    left = residual.at(x)
     jacobian = np.asarray(solution.jac)
     # what no run shows is known within a few times its size, for what would otherwise be anything
     gram = jacobian.T @ jacobian + np.eye(len(free)) / TIMES**2
