@@ -281,7 +281,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     left = residual.at(x)
     jacobian = np.asarray(solution.jac)
     # what no run shows is known within a few times its size, for what would otherwise be anything
-    gram = jacobian.T @ jacobian + np.eye(len(free)) / TIMES**2
+    gram = jacobian.T @ jacobian + np.diag((TIMES * np.maximum(np.abs(x), 1.0)) ** -2.0)
     scale = np.sqrt(np.diagonal(gram))
     inverse = np.linalg.inv(gram / np.outer(scale, scale)) / np.outer(scale, scale)
     told = jacobian[: len(left)]

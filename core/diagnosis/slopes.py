@@ -23,6 +23,8 @@ def differences(of: Callable[[Vector], Vector], x: Vector, high: Vector) -> Vect
     """Change of a function's values (m,) with numbers x (k,), which go up to high, shape (m, k)."""
     optimize: Any = import_module("scipy.optimize")
 
+    if not len(x):
+        return np.zeros((len(of(x)), 0))
     step = PART * np.maximum(np.abs(x), SMALL)
     step = np.where(x + step > high, -step, step)
     return np.asarray(optimize.approx_fprime(x, of, step), dtype=np.float64).reshape(-1, len(x))

@@ -58,3 +58,7 @@ def test_values_are_asked_for_once():
     np.testing.assert_array_equal(function.at(np.ones(4)), MATRIX @ np.ones(4))
     function.at(np.ones(4))
     assert law.times == 1
+
+
+def test_of_no_numbers_there_are_no_slopes():
+    assert differences(lambda x: np.ones(3), np.zeros(0), np.zeros(0)).shape == (3, 0)
