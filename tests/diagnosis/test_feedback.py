@@ -49,6 +49,13 @@ def test_a_controller_hears_all_its_sensors_or_none():
     assert told(known_together(runs)[0]) is None
 
 
+def test_a_torque_that_is_many_times_what_feedback_makes_is_another():
+    run = noisy_loop(SIGMA)
+    louder = replace(run, signals={**run.signals, "tau": 10.0 * run.signals["tau"]})
+    assert hears(louder) == pytest.approx(10.0, abs=1.0)
+    assert told(louder) is None
+
+
 def test_a_torque_sensor_is_known_behind_what_its_loop_scatters():
     run = noisy_loop(SIGMA)
     assert noise_in(replace(run, noise={}), "tau").sigma == pytest.approx([SIGMA["tau"]], rel=0.1)
