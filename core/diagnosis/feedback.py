@@ -54,7 +54,7 @@ def hears(run: Run) -> float | None:
 def told(run: Run) -> NDArray[np.bool_] | None:
     """Joints whose controller was told what is recorded, noise and all, shape (n,); None where there are none."""
     parts, most = followed(run), hears(run)
-    # many times what it should be is the noise of a loud torque sensor
+    # many times what it should be is something else: the steps of a held command, a loud torque sensor
     if parts is None or most is None or not HEARD <= most <= 1.0 / HEARD:
         return None
     joints = (parts > TOLD) & (parts < 1.0 / TOLD)

@@ -450,20 +450,20 @@ def _idle(
     gives way, as at a drive's limit, little decides how far. What the others need is none.
     """
     total, sure = how_far.shrinks_by, how_far.ci95
-    judged_by = [k for k, item in enumerate(found) if item.key not in needed]
-    if total is None or sure is None or not judged_by:
+    counts = [k for k, item in enumerate(found) if item.key not in needed]
+    if total is None or sure is None or not counts:
         # simulation alone judges a delay; a spring rings with whatever a motion has in its band; and a smaller gain
         # makes less of its sensor's noise, which looks like a better fit
-        doubtful = (found[k] for k in judged_by)
+        doubtful = (found[k] for k in counts)
         return next((item for item in doubtful if item.effect in ("delay", *SPRINGS) or _smaller(item)), None)
     helps: list[float] = []
-    for item, gain in ((found[k], gains[k]) for k in judged_by):
+    for item, gain in ((found[k], gains[k]) for k in counts):
         help_there = total - (how_far.without.get(name_of(item)) or 0.0)
         # of a delay evidence knows nothing: what is stamped a tick late says as much
         doubted = gain < BEYOND_DOUBT or item.effect == "delay"
         helps.append(help_there - (HELPS if doubted else -HARMS))
     least = int(np.argmin(helps))
-    item, gain = found[judged_by[least]], gains[judged_by[least]]
+    item, gain = found[counts[least]], gains[counts[least]]
     plain = total > PLAINLY and gain >= BEYOND_DOUBT
     return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 

@@ -248,7 +248,7 @@ def _sees(run: Run) -> bool | None:
     Rounding may hide that it does, and cannot make it look as if it did.
     """
     part = hears(run)
-    # many times what it should be is the noise of a loud torque sensor
+    # many times what it should be is something else: the steps of a held command, a loud torque sensor
     if part is None or part > 1.0 / SEEN:
         return None
     if part >= SEEN:
