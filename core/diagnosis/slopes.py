@@ -54,6 +54,7 @@ class Sloped:
             missed, change = (float(np.linalg.norm(one)) for one in (now - then - expected, expected))
             if missed <= max(MISSED * change, NEXT_TO_NOTHING * float(np.linalg.norm(now))):
                 return slopes
-        slopes = differences(self._of, x, self._high)
+        # where it is, its values are known
+        slopes = differences(self.at, x, self._high)
         self._known = x.copy(), now, slopes
         return slopes

@@ -34,6 +34,7 @@ def test_a_straight_law_is_asked_for_its_slopes_once():
     function = Sloped(law, HIGH)
     first = function.slopes(np.ones(4))
     asked = law.times
+    assert asked == 1 + 4
     again = function.slopes(np.array([2.0, 0.5, -1.0, 3.0]))
     np.testing.assert_allclose(first, MATRIX, atol=1e-9)
     assert again is first
