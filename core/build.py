@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .effects import EffectRow, catalogue, effect_named, in_order, law_named
 from .errors import UsageError
@@ -23,6 +25,8 @@ STICK_DISPLACEMENT = 5.0e-6
 # A contact that is given no stiffness (backlash, transmission error of a rigid joint): the effects' contract.
 CONTACT_FREQUENCY = 500.0
 CONTACT_DAMPING_RATIO = 0.15
+# robots at home that are kept: who tries many variants changes the arms of few
+_REMEMBERED = 64
 
 
 def build(database: Database, level: str = "full", effects: Iterable[str] | None = None) -> Robot:
@@ -127,9 +131,8 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
     needs_stick = any(_sticks(stage.drive) for stage in robot.stages)
     if not needs_spring and not needs_stick:
         return robot
-    home = np.array(robot.home())
-    arms = dynamics(robot)
-    mass_matrix = arms.mass_matrix(home)
+    arms = tuple(Stage(stage.joint, stage.arm) for stage in robot.stages)
+    mass_matrix, load = _at_home(Robot(robot.name, robot.gravity, robot.base, robot.base_correction, arms))
     notes: list[str] = []
     stages = list(robot.stages)
     for i, stage in enumerate(stages):
@@ -157,7 +160,6 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
     if needs_stick:
         rigid = np.array([0.0 if stage.drive.spring else stage.drive.inertia for stage in stages])
         mobility = np.diag(np.linalg.inv(mass_matrix + np.diag(rigid)))
-        load = np.abs(arms.gravity(home))
         for i, stage in enumerate(stages):
             if _sticks(stage.drive):
                 inertia = stage.drive.inertia if stage.drive.spring else 1.0 / float(mobility[i])
@@ -168,6 +170,13 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
                 stick = _bristle(level_at_rest(stage.drive, float(load[i])), inertia)
                 stages[i] = replace(stage, drive=replace(stage.drive, stick=stick))
     return replace(robot, stages=tuple(stages), notes=robot.notes + tuple(notes))
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _at_home(arms: Robot) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Mass matrix of a robot without drives at home, shape (n, n), and how much its joints bear there, shape (n,)."""
+    home, plain = np.array(arms.home()), dynamics(arms)
+    return plain.mass_matrix(home), np.abs(plain.gravity(home))
 
 
 def _contact(spring: Spring, motor: float, arm: float) -> Spring:

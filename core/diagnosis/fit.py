@@ -59,36 +59,36 @@ def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
     """
     scaled = slope * scale
     gram, moment = scaled.T @ scaled, scaled.T @ r0
+    known, axes = np.linalg.eigh(gram)
+    told = float(np.sum(np.maximum(known, 0.0) / (1.0 + np.maximum(known, 0.0))))
+    # where noise is next to nothing, directions that two numbers share are told by the prior alone
+    known = np.maximum(known, 0.0) + SHARED * float(np.diagonal(gram).max())
     options: list[tuple[float, float, Vector, float]] = []
     for smaller in SMALLER:
-        x, volume = _most_probable(gram * smaller**2, moment * smaller, lower / (scale * smaller))
-        moved, prior = x * smaller, float(x @ x)
+        narrowed = 1.0 + known * smaller**2
+        x = -axes @ (axes.T @ moment * smaller / narrowed)
+        least = lower / (scale * smaller)
+        if np.any(x < least):
+            x = _bounded(axes, narrowed, moment * smaller, least)
+        volume, moved, prior = 0.5 * float(np.sum(np.log(narrowed))), x * smaller, float(x @ x)
         options.append(
             (0.5 * float(2.0 * moment @ moved + moved @ gram @ moved + prior) + volume, volume, moved, prior)
         )
     _, volume, moved, prior = min(options, key=lambda option: option[0])
     left = r0 + scaled @ moved
-    told = float(np.trace(np.linalg.solve(gram + np.eye(len(gram)), gram)))
     return Linear(moved * scale, left, float(left @ left) + prior, volume + math.log(len(SMALLER)), told)
 
 
-def _most_probable(gram: Vector, moment: Vector, least: Vector) -> tuple[Vector, float]:
-    """The best x of gram and moment beside a prior of unit spread, x >= least, and half of how much it is narrowed."""
+def _bounded(axes: Vector, narrowed: Vector, moment: Vector, least: Vector) -> Vector:
+    """The most probable x >= least, where how much it is narrowed stands by its axes."""
     optimize: Any = import_module("scipy.optimize")
 
-    # where noise is next to nothing, directions that two numbers share are told by the prior alone
-    gram = gram + np.eye(len(least)) * (1.0 + SHARED * float(np.diagonal(gram).max()))
-    x = np.asarray(-np.linalg.solve(gram, moment), dtype=np.float64)
-    if len(x) == 1:
-        x = np.maximum(x, least)
-    elif np.any(x < least):
-        root = np.linalg.cholesky(gram).T
-        target = -np.linalg.solve(root.T, moment)
-        bounds = (np.minimum(least, -1e-12), np.inf)
-        x = np.asarray(optimize.lsq_linear(root, target, bounds=bounds, method="bvls").x, dtype=np.float64)
-    sign, logdet = np.linalg.slogdet(gram)
-    assert sign > 0
-    return x, 0.5 * float(logdet)
+    if len(least) == 1:
+        return np.maximum(-moment / narrowed, least)
+    root = np.sqrt(narrowed)[:, None] * axes.T
+    target = -(axes.T @ moment) / np.sqrt(narrowed)
+    bounds = (np.minimum(least, -1e-12), np.inf)
+    return np.asarray(optimize.lsq_linear(root, target, bounds=bounds, method="bvls").x, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)

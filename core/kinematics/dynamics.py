@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..representation import Robot
+from ..representation import Pose, Robot, Stage, VeitscheggerWu
 from . import rigid_body
 from .compiled import compiled
 from .rigid_body import ChainTable
 
 Array = NDArray[np.float64]
+
+# links that are kept: of robots that are tried one after the other most are the same
+_REMEMBERED = 1024
 
 
 def chain_table(robot: Robot) -> ChainTable:
@@ -22,17 +26,31 @@ def chain_table(robot: Robot) -> ChainTable:
 
     Joints stand at their real places (corrections included) and the base's pose turns gravity into the base.
     """
-    joints = [robot.joint_in_previous(i) for i in range(robot.n)]
-    bodies = [robot.inertia_in_joint(i) for i in range(robot.n)]
+    arms = [Stage(stage.joint, stage.arm) for stage in robot.stages]
+    links = [_link(robot.correction_before(max(i - 1, 0)), tuple(arms[max(i - 1, 0) : i + 1])) for i in range(robot.n)]
+    rotation, position, mass, com, tensor = (np.array(column) for column in zip(*links, strict=True))
     return ChainTable(
         kind=np.array([0 if stage.joint.kind == "revolute" else 1 for stage in robot.stages], dtype=np.int64),
-        rotation=np.array([joint.rotation for joint in joints]),
-        position=np.array([joint.xyz for joint in joints]),
-        mass=np.array([body.mass for body in bodies]),
-        com=np.array([body.com for body in bodies]),
-        tensor=np.array([body.tensor() for body in bodies]),
+        rotation=rotation,
+        position=position,
+        mass=mass,
+        com=com,
+        tensor=tensor,
         gravity=robot.base.rotation_matrix().T @ np.array(robot.gravity),
     )
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _link(correction: VeitscheggerWu, arms: tuple[Stage, ...]) -> tuple[Array, ...]:
+    """Place of the last of some arms in the one before, and its mass, center of mass and tensor in its joint.
+
+    Args:
+        correction: Places the first of them.
+        arms: Itself behind the one before, or alone where it stands on the base.
+    """
+    chain = Robot("chain", (0.0, 0.0, 0.0), Pose(), correction, arms)
+    joint, body = chain.joint_in_previous(chain.n - 1), chain.inertia_in_joint(chain.n - 1)
+    return joint.rotation_matrix(), np.array(joint.xyz), np.array(body.mass), np.array(body.com), body.tensor()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

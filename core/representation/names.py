@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 MESH_SUFFIXES = (".dae", ".glb", ".gltf", ".msh", ".obj", ".off", ".ply", ".stl")
 """Meshes stand beside emitted scripts, so a file that Python or MATLAB would run (numpy.py) must not pass as one."""
@@ -12,6 +13,7 @@ _LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 _MESH = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_. +-]*(?:/[A-Za-z0-9_][A-Za-z0-9_. +-]*)*")
 
 
+@lru_cache(maxsize=1024)
 def is_name(text: str) -> bool:
     """Whether a text serves as a file's name and, but for hyphens, as an identifier: a robot, an arm, a joint."""
     return _NAME.fullmatch(text) is not None

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from ..representation import ArmSpring, Drive, FrictionModel, Robot, Slip, Spring, Stick, Term
@@ -51,12 +51,12 @@ class DriveSheet:
         """Plain data (numbers, strings, lists) with no inf in it: a missing torque limit is None."""
         joints: list[dict[str, Any]] = []
         for name, kind, drive in zip(self.joints, self.kinds, self.drives, strict=True):
-            data = asdict(drive)
+            data = _plain(drive)
             data["torque_limit"] = None if math.isinf(drive.torque_limit) else drive.torque_limit
             joints.append({"joint": name, "kind": kind, **data})
         return {
             "schema": SCHEMA,
-            "friction": asdict(self.friction),
+            "friction": _plain(self.friction),
             "notes": list(self.notes),
             "joints": joints,
         }
@@ -98,6 +98,13 @@ class DriveSheet:
                 "arm_springs".
         """
         return drive_table(self.to_data(), law_of, native)
+
+
+def _plain(part: Any) -> Any:
+    """Dataclasses as dicts all the way down; a diagnosis asks thousands of times, and `asdict` would copy numbers."""
+    if isinstance(part, tuple):
+        return tuple(map(_plain, part))  # pyright: ignore[reportUnknownArgumentType, reportUnknownVariableType]
+    return {name: _plain(getattr(part, name)) for name in part.__slots__} if hasattr(part, "__slots__") else part
 
 
 def _drive(data: dict[str, Any]) -> Drive:

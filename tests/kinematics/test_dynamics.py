@@ -119,6 +119,32 @@ def test_power_is_the_rate_of_energy(random_robot: Callable[[int, int], Robot]) 
         assert ours.inverse_dynamics(q, dq, ddq) @ dq == pytest.approx(rate, rel=1e-8)
 
 
+def test_a_link_is_remembered_by_all_that_it_depends_on(random_robot: Callable[[int, int], Robot]) -> None:
+    robot = random_robot(11, 4)
+    first, arm = robot.stages[0], robot.stages[1].arm
+    arms = (
+        replace(arm, inertia=replace(arm.inertia, mass=arm.inertia.mass + 1.0)),
+        replace(arm, link=replace(arm.link, a=arm.link.a + 0.1)),
+        replace(arm, correction=VeitscheggerWu(a=0.1)),
+        replace(arm, in_joint=Pose((0.1, 0.0, 0.0))),
+    )
+    joint = replace(robot.stages[1].joint, in_previous=Pose((0.0, 0.2, 0.0)))
+    stages = [*(replace(robot.stages[1], arm=one) for one in arms), replace(robot.stages[1], joint=joint)]
+    others = [replace(robot, stages=(first, stage, *robot.stages[2:])) for stage in stages]
+    others.append(replace(robot, base_correction=VeitscheggerWu(alpha=0.5)))
+    plain = chain_table(robot)
+    for other in others:
+        changed = chain_table(other)
+        assert any(not np.array_equal(one, two) for one, two in zip(changed, plain, strict=True))
+        for i in range(robot.n):
+            body, placed = other.inertia_in_joint(i), other.joint_in_previous(i)
+            assert changed.mass[i] == body.mass
+            assert np.array_equal(changed.tensor[i], body.tensor())
+            assert np.array_equal(changed.com[i], body.com)
+            assert np.array_equal(changed.rotation[i], placed.rotation_matrix())
+            assert np.array_equal(changed.position[i], placed.xyz)
+
+
 def test_pendulum_by_hand() -> None:
     """A point-like bob on a horizontal axis: M = m l^2 + I, gravity = m g l cos(q)."""
     arm = Arm("arm_1", VeitscheggerWu(a=0.5), inertia=Inertia(2.0, (-0.1, 0.0, 0.0), 0.01, 0.02, 0.03))
