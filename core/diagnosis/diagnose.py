@@ -279,7 +279,7 @@ class _Diagnosing:
         """The search's end, and what of its findings holds."""
         if looking:
             state = search(state, self._found_so_far)
-        held = judge.held(state.found)
+        held, begun = judge.held(state.found), state
         # what holds on the runs that were fitted alone may stand in the way of what holds everywhere; and what bends
         # another finding's law, of what goes with that one as well
         for out, closes in ((held.failed, False), (held.bends, True)):
@@ -288,8 +288,9 @@ class _Diagnosing:
             other = search(state.without(out), self._found_so_far)
             again = judge.held(other.found)
             if again.by > held.by + HELPS and (again.adequate or not closes):
-                return other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
-        return state, held
+                state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
+                break
+        return state, judge.closed_in_simulation(held, begun) if looking else held
 
     @staticmethod
     def _nearly_alone(seen: Problem, whole: Problem, whiten: Whitening, way: Split, rows: Rows) -> bool:

@@ -23,11 +23,22 @@ from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
-from .polish import polished
+from .polish import closing, polished
 from .problem import Problem, problem
 from .refine import Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
-from .search import ALIKE, ALIKE_SHARE, THRESHOLD, Found, at_points, gives_alone, rows_of, without_bodies
+from .search import (
+    ALIKE,
+    ALIKE_SHARE,
+    THRESHOLD,
+    Found,
+    Search,
+    at_points,
+    beside,
+    gives_alone,
+    rows_of,
+    without_bodies,
+)
 from .unseen import EARNS, NOTHING, OTHER_FORM, Bent, Split, Unseen, bent, fall_short, in_parts, judged, splits
 
 Vector = NDArray[np.float64]
@@ -53,6 +64,9 @@ MOST_BENT = 0.25
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
+# causes that are tried in simulation where it leaves much of which the measured motion shows little: how many, what one
+# may leave of the fitted runs to be tried on the others, how many are, and what it may leave there of what was open
+MOST_OPTIONS, MOST_LATE, CLOSING, MOST_CLOSING, CLOSES = 12, 2, 0.5, 3, 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,24 +209,80 @@ class Judge:
             unseen = judged(self.whole, self.whiten, found, self.ways)
             if min(unseen.gains) < EARNS:
                 continue
-            try:
-                how_far, overlays, after = self._how_far(found, unseen)
-            except RefusedError:
-                continue
-            dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (crumb.effect, crumb.place))
-            other = replace(
-                held,
-                found=found,
-                unseen=unseen,
-                dropped=dropped,
-                how_far=how_far,
-                overlays=overlays,
-                after=after,
-                numbers=(),
-            )
-            if other.adequate and _idle(found, unseen.gains, how_far, self._needed(found)) is None:
+            other = self._with(held, found, unseen)
+            if other is not None and other.adequate:
                 return other
         return held
+
+    def closed_in_simulation(self, held: Held, state: Search) -> Held:
+        """With the cause that closes the gap in simulation, where one does that the measured motion hardly shows.
+
+        A loop makes much of what is small along the motion: of a delay, which stamps may be as well; of an inertia
+        beside friction. Those that take most of what is left of the fitted runs are tried on the others.
+        """
+        if held.adequate or held.how_far.shrinks_by is None or not any(mode_of(run) == "pd" for run in self.runs):
+            return held
+        for option in self._closing(held, state):
+            found = (*held.found, option)
+            unseen = judged(self.whole, self.whiten, found, self.ways)
+            if option.effect != "delay" and unseen.gains[-1] < 0.0:
+                continue
+            numbers = self._numbers(found, unseen, far=True)
+            for fitted in (numbers, ()) if numbers else ((),):
+                rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
+                other = self._with(held, found, rows, fitted)
+                if other is not None and other.adequate and other.open < CLOSES * held.open:
+                    # how sure it is simulation says, on runs that no fit saw
+                    return replace(other, unseen=replace(rows, gains=(*rows.gains[:-1], option.gain)))
+        return held
+
+    def _closing(self, held: Held, state: Search) -> list[Found]:
+        """What simulated takes most of what findings leave of the runs that were fitted, the best first.
+
+        With the log evidence that it has there for its gain.
+        """
+        self.tell("what would close the gap in simulation")
+        way = self.ways[0]
+        part, whiten = self.whole.only(way.seen), self.whiten.only(self.whole.evidence.places(way.seen))
+        rows = held.unseen.rows[0] if held.found else ()
+        found = [replace(item, row=row) for item, row in zip(held.found, rows, strict=True)]
+        options = beside(state, found)
+        late = [option for option in options if option.effect == "delay"][:MOST_LATE]
+        tried = [*late, *[option for option in options if option.effect != "delay"][:MOST_OPTIONS]]
+        fit = refined(part, whiten, found, blocks(part.evidence))
+        seen = [self.runs[k] for k in way.seen]
+        try:
+            now, left = closing(part, self.level, seen, fit, [rows_of([option]) for option in tried], self.backend)
+        except RefusedError:
+            return []
+        best: dict[tuple[str, int], Found] = {}
+        for energy, k in sorted((energy, k) for k, energy in enumerate(left) if energy < CLOSING * now):
+            spread = 1.0 + max(energy, 0.0) / len(part.evidence.weights)
+            best.setdefault(tried[k].key, replace(tried[k], gain=0.5 * (now - energy) / spread))
+        return list(best.values())[:MOST_CLOSING]
+
+    def _with(
+        self, held: Held, found: tuple[Found, ...], unseen: Unseen, numbers: tuple[Refined, ...] = ()
+    ) -> Held | None:
+        """What holds, with one finding more; None where no engine can simulate that or one of them does not help."""
+        try:
+            how_far, overlays, after = self._how_far(found, unseen)
+        except RefusedError:
+            return None
+        if _idle(found, unseen.gains, how_far, self._needed(found)) is not None:
+            return None
+        last = found[-1]
+        dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (last.effect, last.place))
+        return replace(
+            held,
+            found=found,
+            unseen=unseen,
+            dropped=dropped,
+            how_far=how_far,
+            overlays=overlays,
+            after=after,
+            numbers=numbers,
+        )
 
     def closer(self, held: Held) -> tuple[list[Refined], Held]:
         """Every split's fit with numbers from simulation and what holds so; none where the gap shrinks less by them.

@@ -10,7 +10,7 @@ to be damped there: less damping is tried, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -22,7 +22,7 @@ from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .blocks import BLOCK
-from .model import Rows, robot_of, tables
+from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
@@ -45,6 +45,10 @@ DAMPING = {
     "joint_compliance_6d": ("bx", "by", "bz", "brx", "bry", "brz"),
     "link_flexibility": ("bu", "bv"),
 }
+# how many times as many steps as without it an engine may need for a cause that is tried
+STIFFER = 4.0
+# how many times as much of a cause there may be as the measured motion has it, for which it tells little of it
+MOST_OF_IT = 3.0
 # of a step that overshoots
 PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
@@ -79,12 +83,11 @@ def polished(
     robots = [robot_of(problem.database, level, run, tables(fit.rows)) for run in runs]
     if each * sum(steps_of(robot, run, backend) for robot, run in zip(robots, runs, strict=True)) > MOST_STEPS:
         return None
-    sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
-    start = np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free])
+    start, sigma = _numbers(fit)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left(x: Vector) -> list[Vector]:
-        return _left(problem.database, level, runs, rows_at(fit, x), backend)
+        return _left(problem.database, level, runs, tables(rows_at(fit, x)), backend)
 
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
@@ -94,24 +97,19 @@ def polished(
     try:
         before = loose.energy(left(start))
         start = _ringing(fit, start, lambda x: loose.energy(left(x)))
-        size = np.maximum(np.maximum(np.abs(start), sigma), LEAST_SIZE)
-        step = np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
+        step = _step(start, sigma)
         weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
         if late is not None:
             tick = tick_of(problem)
             ticks = _right_tick(lambda at: loose.energy(left(_with(start, late, tick * at))), start[late] / tick)
             start, weight = _with(start, late, tick * ticks), _with(weight, late, 1.0 / tick)
         # what is recorded jumps where a delay is a whole number of ticks
-        within = [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)]
-        limits: Vector = np.array(within, dtype=float)
+        limits = _limits(problem, fit, start)
         x, now = start, left(start)
         slopes: list[Vector] = []
         for _ in range(rounds):
             slopes = _slopes(left, now, x, step, limits)
-            normal, gradient = np.diag(weight**2), weight**2 * (x - start)
-            for part, slope, beside in zip(now, slopes, loose.without(slopes), strict=True):
-                normal = normal + np.einsum("mck,mcl->kl", slope, beside)
-                gradient = gradient + np.einsum("mck,mc->k", beside, part)
+            normal, gradient = _normal(loose, now, slopes, weight, x - start)
             way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
             better = _better(left, cost, cost(now, x), x, way, limits, parts)
             if better is None:
@@ -123,6 +121,63 @@ def polished(
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
     return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
+
+
+def closing(
+    problem: Problem, level: str, runs: Sequence[Run], fit: Refined, options: Sequence[Rows], backend: str
+) -> tuple[float, list[float]]:
+    """Sum of squares above noise that a fit leaves simulated, and what it would leave with each of some options.
+
+    The fit's numbers and how much there is of an option give way to each other, as far as they are linear; what the
+    database's tolerances may do is taken out. Infinity where an engine refuses the option or would take far longer, as
+    for what hardly gives and closes nothing.
+
+    Args:
+        problem: The question, of these runs.
+        level: Of the nominal model.
+        runs: To simulate.
+        fit: What was found, along their measured motion.
+        options: Rows of one cause more each.
+        backend: The engine.
+
+    Raises:
+        RefusedError: The engine refuses the robot without an option.
+    """
+    rows = tables(fit.rows)
+    loose = _Loose.of([_tolerances(problem.database, level, run, rows) for run in runs])
+    count = sum(int(np.isfinite(values).sum()) for run in runs for values in compared(run).values())
+    start, sigma = _numbers(fit)
+    step = _step(start, sigma)
+    limits = _limits(problem, fit, start)
+
+    def left(x: Vector) -> list[Vector]:
+        return _left(problem.database, level, runs, tables(rows_at(fit, x)), backend)
+
+    def steps(effects: Rows) -> float:
+        return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
+
+    most = STIFFER * steps(rows)
+    now = left(start)
+    own = _slopes(left, now, start, step, limits) if len(start) else [np.zeros((*one.shape, 0)) for one in now]
+    energies: list[float] = []
+    for option in options:
+        try:
+            if steps(merged(rows, option)) > most:
+                raise RefusedError("it would take too long")
+            there = _left(problem.database, level, runs, merged(rows, option), backend)
+        except RefusedError:
+            energies.append(math.inf)
+            continue
+        slopes = [
+            np.concatenate([slope, (values - before)[:, :, None]], axis=2)
+            for slope, values, before in zip(own, there, now, strict=True)
+        ]
+        weight = np.append(1.0 / (LOOSER * np.maximum(sigma, LEAST_SIZE)), 1.0 / MOST_OF_IT)
+        normal, gradient = _normal(loose, now, slopes, weight, np.zeros(len(weight)))
+        x = np.linalg.solve(normal, gradient)
+        # the step's own gain, less what numbers would have to move from where they are
+        energies.append(min(loose.energy(there), loose.energy(now) - float(gradient @ x)) - count)
+    return loose.energy(now) - count, energies
 
 
 def _ringing(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vector:
@@ -166,6 +221,35 @@ def _better(
     return None
 
 
+def _numbers(fit: Refined) -> tuple[Vector, Vector]:
+    """A fit's numbers and their standard deviations along the motion, shape (k,)."""
+    sigma = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
+    return np.array([fit.rows[effect, at].values[name] for effect, at, name in fit.free]), sigma
+
+
+def _step(start: Vector, sigma: Vector) -> Vector:
+    """By how much numbers are moved to see what changes, shape (k,)."""
+    size = np.maximum(np.maximum(np.abs(start), sigma), LEAST_SIZE)
+    return np.minimum(np.maximum(sigma, LEAST_STEP * size), LARGEST_STEP * size)
+
+
+def _limits(problem: Problem, fit: Refined, start: Vector) -> Vector:
+    """Between what numbers stay, shape (k, 2)."""
+    within = [bounds_of(problem, *key, value) for key, value in zip(fit.free, start.tolist(), strict=True)]
+    return np.array(within, dtype=float).reshape(-1, 2)
+
+
+def _normal(
+    loose: _Loose, now: Sequence[Vector], slopes: Sequence[Vector], weight: Vector, moved: Vector
+) -> tuple[Vector, Vector]:
+    """Normal matrix (k, k) and gradient (k,) of what is left where numbers are held by a weight and moved already."""
+    normal, gradient = np.diag(weight**2), weight**2 * moved
+    for part, slope, free in zip(now, slopes, loose.without(slopes), strict=True):
+        normal = normal + np.einsum("mck,mcl->kl", slope, free)
+        gradient = gradient + np.einsum("mck,mc->k", free, part)
+    return normal, gradient
+
+
 def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     """The fit's rows with other numbers."""
     values = {key: dict(row.values) for key, row in fit.rows.items()}
@@ -174,11 +258,8 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
-def _left(
-    database: Database, level: str, runs: Sequence[Run], rows: Mapping[tuple[str, int], EffectRow], backend: str
-) -> list[Vector]:
+def _left(database: Database, level: str, runs: Sequence[Run], effects: Rows, backend: str) -> list[Vector]:
     """Measured minus simulated of each run in units of noise, 0 where nothing was measured, shape (m, channels)."""
-    effects = tables(rows)
     out: list[Vector] = []
     for run in runs:
         robot = robot_of(database, level, run, effects)

@@ -467,6 +467,30 @@ def contenders(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, i
     return ranked(_fits(state, skip), state.left, parts, state.slope)
 
 
+def beside(state: Search, found: Sequence[Found]) -> list[Found]:
+    """What might stand beside findings, as the measured motion has it, however little it shows of it.
+
+    Each effect at a place once, the likeliest first, and every delay, of which a motion hardly knows.
+    """
+    problem, whiten, parts = state.problem, state.whiten, blocks(state.problem.evidence)
+    other = Search(problem, whiten, signatures=state.signatures, scales=state.scales, banned=set(state.banned))
+    other.begin()
+    if found:
+        other.take(found, refined(problem, whiten, found, parts))
+    likely: dict[tuple[str, int], Found] = {}
+    late: list[Found] = []
+    for contender in contenders(other, parts):
+        rows = contender.hypothesis.rows(contender.beta)
+        if rows is None:
+            continue
+        option = _found(contender, rows)
+        if option.effect == "delay":
+            late.append(option)
+        elif option.key not in {item.key for item in found}:
+            likely.setdefault(option.key, option)
+    return [*late, *likely.values()]
+
+
 def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
     """Every hypothesis beside what was found: what would be left with none of it, and its slope."""
     problem = state.problem

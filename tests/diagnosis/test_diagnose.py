@@ -14,10 +14,10 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
-from mbexport.core.diagnosis.held import NOT_EXCITED, _idle
+from mbexport.core.diagnosis.held import NOT_EXCITED, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.search import Found, Search
 from mbexport.core.diagnosis.unseen import Split, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
@@ -279,3 +279,31 @@ def test_findings_are_told_the_largest_first():
     assert _largest_first(held) == [2, 1, 0]
     nothing = SimpleNamespace(found=found, how_far=SimpleNamespace(without={}))
     assert _largest_first(nothing) == [0, 1, 2]
+
+
+@pytest.mark.parametrize(
+    ("against", "delay", "names"),
+    [
+        (lambda t, q, dq: 0.03 * math.tanh(1000.0 * dq), 6, ["coulomb_friction", "delay"]),
+        (lambda t, q, dq: 0.1 * dq * abs(dq), 0, ["viscous_friction"]),
+    ],
+    ids=["delay", "drag"],
+)
+def test_what_the_measured_motion_hardly_shows_is_found_in_simulation(against, delay, names):
+    """A drive's delay closes the gap beside friction; what is in no catalogue is closed by nothing."""
+    measured = [pendulum_run(seed=seed, against=against, delay=delay, duration=3.0) for seed in (1, 2, 3)]
+    column = {"coulomb_friction": "torque", "viscous_friction": "coefficient"}[names[0]]
+    start, absent = (EffectRow(1, {column: value}) for value in (0.03, 0.0))
+    whole, ways = problem(load("pendulum"), "rigid", measured), splits(3, 1)
+    whiten = whitening(whole)
+    judge = Judge(load("pendulum"), "rigid", "mjcf", ["mjcf"], lambda _: None, whole, whiten, ways, measured)
+    state = Search(whole.only(ways[0].seen), whiten.only(whole.evidence.places(ways[0].seen)))
+    state.begin()
+    held = judge.held([Found(names[0], 1, start, 100.0, absent)])
+    assert not held.adequate
+    closed = judge.closed_in_simulation(held, state)
+    assert [item.effect for item in closed.found] == names
+    if delay:
+        assert closed.adequate
+        assert closed.unseen.rows[0][1].values["time"] == pytest.approx(2.0e-3, rel=0.02)
+        assert closed.unseen.gains[1] > 100.0

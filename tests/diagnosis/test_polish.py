@@ -11,7 +11,7 @@ from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.polish import _Loose, polished
+from mbexport.core.diagnosis.polish import _Loose, closing, polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
@@ -115,3 +115,28 @@ def test_a_robot_that_no_run_of_would_end_is_refused():
     robot, plain = (robot_of(load("pendulum"), "rigid", run, rows) for rows in (hard, {}))
     with pytest.raises(RefusedError, match="largest eigenvalue"):
         resimulated(robot, plain, run, "mjcf")
+
+
+def test_what_would_close_the_gap_is_seen_in_simulation():
+    """Beside a found friction a delay takes nearly all that is left, and an inertia that is not there nothing."""
+
+    def rubbing(t, q, dq):
+        return 0.03 * math.tanh(1000.0 * dq)
+
+    runs = [pendulum_run(seed=seed, against=rubbing, delay=6, duration=3.0) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.03}), 50.0)
+    fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
+    late, heavy = {"delay": (EffectRow(0, {"time": 0.0015}),)}, {"rotor_inertia": (EffectRow(1, {"inertia": 1e-4}),)}
+    now, (with_delay, with_inertia) = closing(asked, "rigid", runs, fit, [late, heavy], "mjcf")
+    assert now > 1.0e4
+    assert with_delay < 0.5 * now
+    assert with_inertia > 0.7 * now
+
+
+def test_without_findings_an_option_is_tried_alone():
+    runs = [pendulum_run(seed=1, delay=6, duration=3.0)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    fit = refined(asked, whitening(asked), [], blocks(asked.evidence))
+    now, (with_delay,) = closing(asked, "rigid", runs, fit, [{"delay": (EffectRow(0, {"time": 0.0015}),)}], "mjcf")
+    assert with_delay < 0.5 * now
