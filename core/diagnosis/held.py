@@ -228,6 +228,9 @@ class Judge:
             if option.effect != "delay" and unseen.gains[-1] < 0.0:
                 continue
             numbers = self._numbers(found, unseen, far=True)
+            if any(vanished(number, item) for number in numbers for item in found):
+                # several that together may be anything close any gap
+                continue
             for fitted in (numbers, ()) if numbers else ((),):
                 rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
                 other = self._with(held, found, rows, fitted)

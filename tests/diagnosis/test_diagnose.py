@@ -281,6 +281,21 @@ def test_findings_are_told_the_largest_first():
     assert _largest_first(nothing) == [0, 1, 2]
 
 
+def held_alone(effect, against, delay):
+    """A judge, a search and what holds where one friction was found of three runs, the last held out."""
+    measured = [pendulum_run(seed=seed, against=against, delay=delay, duration=3.0) for seed in (1, 2, 3)]
+    column = {"coulomb_friction": "torque", "viscous_friction": "coefficient"}[effect]
+    start, absent = (EffectRow(1, {column: value}) for value in (0.03, 0.0))
+    whole, ways = problem(load("pendulum"), "rigid", measured), splits(3, 1)
+    whiten = whitening(whole)
+    judge = Judge(load("pendulum"), "rigid", "mjcf", ["mjcf"], lambda _: None, whole, whiten, ways, measured)
+    state = Search(whole.only(ways[0].seen), whiten.only(whole.evidence.places(ways[0].seen)))
+    state.begin()
+    held = judge.held([Found(effect, 1, start, 100.0, absent)])
+    assert not held.adequate
+    return judge, state, held
+
+
 @pytest.mark.parametrize(
     ("against", "delay", "names"),
     [
@@ -291,19 +306,16 @@ def test_findings_are_told_the_largest_first():
 )
 def test_what_the_measured_motion_hardly_shows_is_found_in_simulation(against, delay, names):
     """A drive's delay closes the gap beside friction; what is in no catalogue is closed by nothing."""
-    measured = [pendulum_run(seed=seed, against=against, delay=delay, duration=3.0) for seed in (1, 2, 3)]
-    column = {"coulomb_friction": "torque", "viscous_friction": "coefficient"}[names[0]]
-    start, absent = (EffectRow(1, {column: value}) for value in (0.03, 0.0))
-    whole, ways = problem(load("pendulum"), "rigid", measured), splits(3, 1)
-    whiten = whitening(whole)
-    judge = Judge(load("pendulum"), "rigid", "mjcf", ["mjcf"], lambda _: None, whole, whiten, ways, measured)
-    state = Search(whole.only(ways[0].seen), whiten.only(whole.evidence.places(ways[0].seen)))
-    state.begin()
-    held = judge.held([Found(names[0], 1, start, 100.0, absent)])
-    assert not held.adequate
+    judge, state, held = held_alone(names[0], against, delay)
     closed = judge.closed_in_simulation(held, state)
     assert [item.effect for item in closed.found] == names
     if delay:
         assert closed.adequate
         assert closed.unseen.rows[0][1].values["time"] == pytest.approx(2.0e-3, rel=0.02)
         assert closed.unseen.gains[1] > 100.0
+
+
+def test_what_closes_a_gap_with_numbers_that_may_be_anything_is_not_found(monkeypatch):
+    judge, state, held = held_alone("coulomb_friction", lambda t, q, dq: 0.03 * math.tanh(1000.0 * dq), 6)
+    monkeypatch.setattr("mbexport.core.diagnosis.held.vanished", lambda *_: True)
+    assert judge.closed_in_simulation(held, state).found == held.found
