@@ -235,8 +235,7 @@ class Judge:
                 rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
                 other = self._with(held, found, rows, fitted)
                 if other is not None and other.adequate and other.open < CLOSES * held.open:
-                    # how sure it is simulation says, on runs that no fit saw
-                    return replace(other, unseen=replace(rows, gains=(*rows.gains[:-1], option.gain)))
+                    return other
         return held
 
     def _closing(self, held: Held, state: Search) -> list[Found]:
