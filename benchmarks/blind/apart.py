@@ -44,11 +44,13 @@ from scipy.optimize import least_squares, lsq_linear
 from world import COLUMN, World, sampled, simulate, substeps_needed, world_of
 
 ALIKE = 0.01
-# which springs and plays are integrated: those that at rest leave less than this
-NEAR = 0.4
+# which springs and plays are integrated: those that at rest leave less than this, beside what swings less than that
+NEAR, NEAR_SWINGING = 0.4, 0.95
 # frequencies at which springs are let swing before [Hz]
 SWINGS = (3.0, 5.0, 8.0, 12.0, 20.0)
 INTEGRATED = 3
+# what swings and is in no catalogue
+SWINGING = ("outside_mount", "outside_slosh")
 # steps a tick from which a spring is so hard that it gives nothing
 MOST_SUBSTEPS = 100
 # columns of geometry are of a milliradian or a millimetre, and stay within what is small
@@ -727,7 +729,7 @@ def integrated(scene: Scene, effect: str, at: int, begin: np.ndarray) -> float:
         return np.where(np.isfinite(values), np.clip(values, -1.0e3, 1.0e3), 1.0e3)
 
     start = np.clip(first, low + 1.0e-6, high - 1.0e-6)
-    return float(2.0 * least_squares(rest, start, bounds=(low, high), max_nfev=5, diff_step=0.03).cost)
+    return float(2.0 * least_squares(rest, start, bounds=(low, high), max_nfev=15, diff_step=0.03).cost)
 
 
 def looked_at(recipe: dict, index: int) -> dict:
@@ -752,6 +754,7 @@ def looked_at(recipe: dict, index: int) -> dict:
             near[effect, at] = min(left, near.get((effect, at), 1.0))
     # where the right spring is not near at rest, others need not be
     reach = max(NEAR, near.get(own, 1.0) + 0.1) if own[0] in {effect for effect, _ in begins} else NEAR
+    reach = NEAR_SWINGING if own[0] in SWINGING else reach
     first = sorted((left, key) for key, (left, _) in begins.items() if key != own and left < reach)
     for left, key in first[:INTEGRATED]:
         near[key] = min(left, integrated(scene, *key, begins[key][1]))

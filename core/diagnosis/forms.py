@@ -27,6 +27,8 @@ Vector = NDArray[np.float64]
 
 # the part of a law that may go with direction, with its own size, and twice as often; and what its amount makes up for
 ASIDE, BENT, TWICE, AMOUNT = 0.25, 0.4, 0.5, 0.5
+# by what part of a wave over a joint's whole way its cycles may be off
+CYCLES_OFF = 0.125
 # friction, that may be another one there than back
 _ASIDE = ("coulomb_friction", "stribeck_friction", "viscous_friction", "load_friction", "hysteresis")
 # laws that may go with another power of themselves
@@ -56,6 +58,11 @@ class Form:
     said: str
     column: Vector
     within: tuple[float, float] = (-1.0, 1.0)
+
+
+def is_wave(item: Found) -> bool:
+    """Whether a finding's law goes round with a position."""
+    return "cycles" in item.row.values
 
 
 def beyond_forms(
@@ -162,7 +169,7 @@ def _size(every: Sequence[Said], without: Sequence[Said], at: int) -> float:
 def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Form]:
     """Other forms of a finding's law, and its own amount, that makes up for them."""
     item, evidence = found[k], problem.evidence
-    if "cycles" in item.row.values:
+    if is_wave(item):
         return _waves(problem, found, k)
     i = item.at - 1
     without = _without(problem, found, k)
@@ -191,20 +198,26 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
 
 
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
-    """A wave's second harmonic, and another amplitude and phase of its own, each by its two quadratures."""
+    """A wave's second harmonic, another amplitude and phase of its own, each by its two quadratures, and its cycles.
+
+    A second harmonic that no law has pulls at the cycles that were found.
+    """
     item = found[k]
     values = item.row.values
     nothing = problem.misfit(rows_of([one for j, one in enumerate(found) if j != k]))
 
-    def wave(part: float, times: float, phase: float) -> Vector:
-        changed = {"amplitude": part * values["amplitude"], "cycles": times * values["cycles"], "phase": phase}
+    def wave(part: float, cycles: float, phase: float) -> Vector:
+        changed = {"amplitude": part * values["amplitude"], "cycles": cycles, "phase": phase}
         other = replace(item, row=EffectRow(item.at, {**values, **changed}))
         return problem.misfit(rows_of([*found[:k], other, *found[k + 1 :]])) - nothing
 
     quadratures = (0.0, 0.5 * np.pi)
+    c, phase = values["cycles"], values["phase"]
+    off = CYCLES_OFF * 2.0 * np.pi / max(float(problem.way()[item.at - 1]), 1e-6)
     return [
-        *(Form(TWICE_SAID, wave(TWICE, 2.0, phase)) for phase in quadratures),
-        *(Form("", wave(AMOUNT, 1.0, phase)) for phase in quadratures),
+        *(Form(TWICE_SAID, wave(TWICE, 2.0 * c, quadrature)) for quadrature in quadratures),
+        *(Form("", wave(AMOUNT, c, quadrature)) for quadrature in quadratures),
+        Form("", wave(1.0, c + off, phase) - wave(1.0, c, phase)),
     ]
 
 

@@ -17,6 +17,7 @@ from ..recording import Run
 from .alike import Alike
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
+from .forms import TWICE_SAID, is_wave
 from .gap import Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
@@ -58,7 +59,8 @@ OTHER_LAW = "no more than what is left where the law of another finding at its j
 # part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs; of what all
 # leave, the part that other forms of their laws may leave where no cause is missing
 MOST_LEFT = 0.4
-# part of the gap that may be another form of a law whose cause is known
+# part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
+# well may leave more, as inertia takes it by the square of how often it comes
 MOST_BENT = 0.25
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
@@ -322,10 +324,13 @@ class Judge:
 
     def other_form(self, held: Held) -> Bent | None:
         """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
-        if not held.found or held.adequate or held.open > MOST_BENT:
+        much = held.open > MOST_BENT
+        if not held.found or held.adequate or (much and not any(is_wave(item) for item in held.found)):
             return None
         form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
-        return form if form and form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else None
+        if form is None or (much and form.said != TWICE_SAID):
+            return None
+        return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else None
 
     def _numbers(self, found: Sequence[Found], unseen: Unseen, *, far: bool = False) -> tuple[Refined, ...]:
         """Every split's fit with numbers from simulation; () where there is none."""

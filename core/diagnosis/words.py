@@ -52,6 +52,8 @@ _SCALES: dict[str, tuple[tuple[float, float, str], ...]] = {
 }
 # parameters that a sentence has room for; the page has a table of all of them
 IN_A_SENTENCE = 3
+# part of a gap whose cause is known and that is not left for want of exactness
+MUCH = 0.25
 _SURE = 0.9995
 
 
@@ -261,6 +263,11 @@ def open_in_words(diagnosis: Diagnosis) -> str:
     at = f", most of it at {listed(place_in_words(name) for name in joints)}" if joints else ""
     looks = rest.looks_like.strip().rstrip(".")
     if diagnosis.verdict == "explained":
+        if rest.share > MUCH:
+            return (
+                f"Left in the corrected model: {percent(rest.share)} of the gap's energy{at}. Its cause is known, and "
+                f"no law of the catalogue says all of it: {looks}."
+            )
         at += ", no more than a law leaves whose form is not quite the real one's"
     return f"Not explained: {percent(rest.share)} of the gap's energy{at}{'; it looks like ' + looks if looks else ''}."
 
