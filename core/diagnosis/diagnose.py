@@ -47,8 +47,8 @@ from .resimulate import residuals, resimulated
 from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
-from .unseen import NOTHING, OTHER_FORM, Bent, Split, in_parts, splits
-from .words import cause_in_words, variable_in_words
+from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
+from .words import cause_in_words, percent, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -87,6 +87,11 @@ SEEN_APART = (
 )
 # part of the gap's energy that a name may leave which no run of its own confirms
 UNDERSTOOD = 0.1
+CONTRADICTED = (
+    "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
+    "left: the controller holds against what they do not say, and they may stand for another cause."
+)
+LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (
     "What rings near a joint for another reason, a mount under the base or a load that swings or sloshes, shows nearly "
     "the same as a bearing that gives, and is in no catalogue: look there before the bearing is taken apart."
@@ -216,8 +221,8 @@ class _Diagnosing:
         # what no run that judges shows clearly is nothing to explain
         gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         unheld = [] if fitted.is_noise else _unheld(state.found, held)
-        form = judge.other_form(held)
-        verdict = _verdict(held, gap or bool(unheld), form)
+        form, against = judge.other_form(held), judge.contradicted(held)
+        verdict = _verdict(held, gap or bool(unheld), form, against)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
         alone = left_open and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
         if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
@@ -226,6 +231,8 @@ class _Diagnosing:
             notes.append(UNHELD.format(names=" and ".join(f"{item.effect} at {item.place}" for item in unheld)))
         elif verdict == "partly_explained" and alone:
             notes.append(LEFT_UNSEEN)
+        if against:
+            notes.append(CONTRADICTED.format(part=percent(against.share)))
         notes += outside_names(held.found)
         effects = rows_of(held.found)
         return Diagnosis(
@@ -239,7 +246,7 @@ class _Diagnosing:
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
             how_far=held.how_far,
-            unexplained=_unexplained(verdict, after or before, held, form),
+            unexplained=_unexplained(verdict, after or before, held, form, against),
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
@@ -439,10 +446,17 @@ def _unheld(found: Sequence[Found], held: Held) -> list[Found]:
     return [] if held.found else there
 
 
-def _verdict(held: Held, gap: bool, form: Bent | None) -> Verdict:
-    """The verdict, from what holds, whether there was a gap, and which other form of a law what is left goes as."""
+def _verdict(held: Held, gap: bool, form: Bent | None, against: Along | None) -> Verdict:
+    """The verdict.
+
+    Args:
+        held: What holds.
+        gap: Whether there was a gap.
+        form: Which other form of a law what is left goes as.
+        against: What of the measured motion speaks against what holds.
+    """
     if held.found:
-        return "explained" if held.adequate or form else "partly_explained"
+        return "explained" if (held.adequate or form) and not against else "partly_explained"
     return "unexplained" if gap else "no_gap"
 
 
@@ -507,8 +521,10 @@ def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
     return best
 
 
-def _unexplained(verdict: Verdict, after: Gap, held: Held, form: Bent | None) -> Unexplained:
+def _unexplained(verdict: Verdict, after: Gap, held: Held, form: Bent | None, against: Along | None) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
+    if against:
+        return Unexplained(against.share, against.joints, LOOP_HIDES)
     if verdict == "no_gap" or held.open == 0.0:
         return Unexplained(0.0, {}, "")
     joints = {name: joint.share for name, joint in after.where.joints.items() if joint.share > 0.0}

@@ -18,7 +18,7 @@ from .alike import Alike
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
 from .forms import TWICE_SAID, is_wave
-from .gap import Gap, gap_of
+from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
 from .model import robot_of
@@ -40,7 +40,21 @@ from .search import (
     rows_of,
     without_bodies,
 )
-from .unseen import EARNS, NOTHING, OTHER_FORM, Bent, Split, Unseen, bent, fall_short, in_parts, judged, splits
+from .unseen import (
+    EARNS,
+    NOTHING,
+    OTHER_FORM,
+    Along,
+    Bent,
+    Split,
+    Unseen,
+    along,
+    bent,
+    fall_short,
+    in_parts,
+    judged,
+    splits,
+)
 
 Vector = NDArray[np.float64]
 
@@ -62,6 +76,8 @@ MOST_LEFT = 0.4
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
 # well may leave more, as inertia takes it by the square of how often it comes
 MOST_BENT = 0.25
+# part of the gap along the measured motion that contradicts findings by which simulation has none
+CONTRADICTS = 0.3
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
@@ -331,6 +347,20 @@ class Judge:
         if form is None or (much and form.said != TWICE_SAID):
             return None
         return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else None
+
+    def contradicted(self, held: Held) -> Along | None:
+        """What the measured motion has left of a gap that simulation takes for closed; None where that is little.
+
+        A loop makes little of a torque that it holds against: what is near the cause closes its gap as well.
+        """
+        if not held.found or not held.adequate or self.by_bands:
+            return None
+        left = along(self.whole, self.whiten, held.found, self.ways)
+        if left.share < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
+            return None
+        rows = [[item.row for item in held.found] for _ in self.ways]
+        form = bent(self.whole, self.whiten, held.found, self.ways, rows)
+        return None if form and form.leaves < MOST_LEFT else left
 
     def _numbers(self, found: Sequence[Found], unseen: Unseen, *, far: bool = False) -> tuple[Refined, ...]:
         """Every split's fit with numbers from simulation; () where there is none."""

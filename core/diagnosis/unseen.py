@@ -195,6 +195,47 @@ def bent(
 
 
 @dataclass(frozen=True, slots=True)
+class Along:
+    """What findings leave of the gap along the measured motion, where no fit saw it.
+
+    Attributes:
+        share: Part of its energy above noise.
+        loudest: Mean square of the channel that has most of it, in units of noise.
+        joints: Part of what is left that is at each joint, those with any, the largest first.
+    """
+
+    share: float
+    loudest: float
+    joints: dict[str, float]
+
+
+def along(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Sequence[Split]) -> Along:
+    """What findings leave of the gap along the measured motion, on runs that no fit saw.
+
+    Args:
+        problem: All runs.
+        whiten: Nuisances of all runs.
+        found: Findings with their numbers.
+        ways: The splits.
+    """
+    part = _Part.of(problem, whiten, sorted({k for way in ways for k in way.unseen}))
+    nothing, left = part.left([]), part.left(found)
+    loudest = max((float(np.mean(left[a:b] ** 2)) for a, b in edges_of(part.parts)), default=0.0)
+    above = _energy(nothing) - len(nothing)
+    share = (_energy(left) - len(left)) / above if above > 0.0 else 0.0
+    joints: dict[str, float] = {}
+    for channel in part.problem.evidence.channels:
+        if not channel.signal.startswith("ee"):
+            name = f"joint_{channel.index + 1}"
+            over = _energy(left[channel.first : channel.last]) - (channel.last - channel.first)
+            joints[name] = joints.get(name, 0.0) + over
+    joints = {name: over for name, over in joints.items() if over > 0.0}
+    whole = sum(joints.values())
+    largest = sorted(joints.items(), key=lambda item: -item[1])
+    return Along(min(1.0, max(0.0, share)), loudest, {name: over / whole for name, over in largest})
+
+
+@dataclass(frozen=True, slots=True)
 class Short:
     """How far a set of findings falls short of the best of several on runs that no fit saw.
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.forms import TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.search import Found
-from mbexport.core.diagnosis.unseen import bent, judged, splits
+from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
 
@@ -120,3 +121,33 @@ def test_what_is_left_of_a_wave_is_no_little():
         "Left in the corrected model: 60 % of the gap's energy, most of it at joint 1. Its cause is known, and no law "
         "of the catalogue says all of it: a second harmonic."
     )
+
+
+def speaks_against(against, item, adequate=True):
+    judge = judge_of(against)
+    return judge.contradicted(SimpleNamespace(found=(item,), adequate=adequate))
+
+
+def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
+    damps = replace(DAMPS, row=EffectRow(1, {"coefficient": 0.5}))
+    assert speaks_against(lambda t, q, dq: 0.5 * dq, damps) is None
+    rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.05}), 50.0)
+    left = speaks_against(lambda t, q, dq: 0.3 * dq * abs(dq), rubs)
+    assert left.share > 0.5
+    assert left.loudest > 5.0
+    assert left.joints == {"joint_1": 1.0}
+    # a gap that is open in simulation is told so
+    assert speaks_against(lambda t, q, dq: 0.3 * dq * abs(dq), rubs, adequate=False) is None
+    # nor does what a found law leaves that has another form
+    monkeypatch.setattr("mbexport.core.diagnosis.held.CONTRADICTS", 0.05)
+    assert speaks_against(ripple(1.45), WAVE).share > 0.1
+    assert speaks_against(ripple(2.0), WAVE) is None
+
+
+def test_a_cause_that_the_measured_motion_speaks_against_is_not_the_whole_one():
+    held, left = SimpleNamespace(found=(WAVE,), adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
+    assert _verdict(held, True, None, None) == "explained"
+    assert _verdict(held, True, None, left) == "partly_explained"
+    open_still = _unexplained("partly_explained", None, held, None, left)
+    assert (open_still.share, open_still.joints) == (0.6, {"joint_1": 1.0})
+    assert "controller hides" in open_still.looks_like
