@@ -37,6 +37,7 @@ from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
 from .model import Rows, level_rows, merged, robot_of
+from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
@@ -345,7 +346,7 @@ class _Diagnosing:
             far = bool(kept.numbers)
             last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
             fit = last or fit
-        fit = in_one_turn(fit)
+        fit = in_one_turn(with_moments(state.problem, state.whiten, fit, blocks(state.problem.evidence)))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 
     def _found_so_far(self, what: str) -> None:

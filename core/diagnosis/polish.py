@@ -13,6 +13,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -344,8 +346,9 @@ def _scatter(
 ) -> Vector:
     """Variance of each number by how blocks of time pull at it, and by tolerances, shape (k,).
 
-    Sandwich of Huber (1967), blocks as Newey and West (1987).
+    Sandwich of Huber (1967), blocks as Newey and West (1987); few blocks as Cameron and Miller (2015), by Student's t.
     """
+    stats: Any = import_module("scipy.stats")
     normal = np.diag(weight**2)
     pulls: list[Vector] = []
     for part, slope, beside, run in zip(loose.without(left), slopes, loose.without(slopes), runs, strict=True):
@@ -357,7 +360,8 @@ def _scatter(
     shared = loose.inner @ loose.along(slopes)
     spread = gathered.T @ gathered * len(pulls) / max(1, len(pulls) - 1) + shared.T @ shared
     inverse = np.linalg.inv(normal)
-    return np.diagonal(inverse @ spread @ inverse)
+    few = float(stats.t.ppf(0.975, max(1, len(pulls) - 1)) / stats.norm.ppf(0.975))
+    return few**2 * np.diagonal(inverse @ spread @ inverse)
 
 
 def _widened(covariance: Vector, variance: Vector) -> Vector:

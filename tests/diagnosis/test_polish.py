@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.polish import _Loose, closing, polished
+from mbexport.core.diagnosis.polish import _Loose, _scatter, closing, polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
@@ -140,3 +141,15 @@ def test_without_findings_an_option_is_tried_alone():
     fit = refined(asked, whitening(asked), [], blocks(asked.evidence))
     now, (with_delay,) = closing(asked, "rigid", runs, fit, [{"delay": (EffectRow(0, {"time": 0.0015}),)}], "mjcf")
     assert with_delay < 0.5 * now
+
+
+@pytest.mark.parametrize(("seconds", "t"), [(1.0, 12.706), (4.0, 2.3646)])
+def test_few_blocks_of_time_know_little_of_how_they_scatter(seconds, t):
+    """Two say next to nothing; the quantiles of Student's t are the tables'."""
+    left, slope = RANDOM.normal(size=(400, 1)), np.ones((400, 1, 1))
+    pulls = np.array([np.sum(part) for part in np.array_split(left, round(2.0 * seconds))])
+    there = np.sum(pulls**2) * len(pulls) / (len(pulls) - 1) / 400.0**2
+    said = _scatter(
+        _Loose.of([np.zeros((400, 1, 0))]), [left], [slope], [SimpleNamespace(duration=seconds)], np.zeros(1)
+    )
+    assert math.sqrt(said[0] / there) == pytest.approx(t / 1.95996, rel=1e-4)

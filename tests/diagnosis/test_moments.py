@@ -1,0 +1,57 @@
+"""A load that was found as a point is a body: what its moments of inertia say, its mass has said for them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbexport.core.database import load
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.moments import with_moments
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.effects import EffectRow, effect_named
+
+from .pendulums import INERTIA, pendulum_run
+
+MASS, OUT, THICK = 0.1, 0.42, 1.0e-4
+
+
+def loaded(monkeypatch, name, values):
+    """A pendulum with a thick load and its fit by a body without moments: (problem, nuisances, fit)."""
+    monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + MASS * OUT**2 + THICK)
+    runs = [pendulum_run(seed=seed, against=lambda t, q, dq: MASS * 9.81 * OUT * math.sin(q)) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    whiten = whitening(asked)
+    row = EffectRow(0 if name == "payload" else 1, {c.name: 0.0 for c in effect_named(name).columns} | values)
+    return asked, whiten, refined(asked, whiten, [Found(name, row.at, row, 50.0)], blocks(asked.evidence))
+
+
+def spread_of(fit, name):
+    k = [column for _, _, column in fit.free].index(name)
+    return math.sqrt(fit.covariance[k, k])
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [("payload", {"mass": MASS, "x": OUT - 0.5}), ("link_inertia", {"mass": MASS, "mx": MASS * (OUT - 0.5)})],
+)
+def test_an_interval_knows_of_moments_that_were_left_out(monkeypatch, name, values):
+    asked, whiten, fit = loaded(monkeypatch, name, values)
+    wider = with_moments(asked, whiten, fit, blocks(asked.evidence))
+    assert spread_of(wider, "mass") > 2.0 * spread_of(fit, "mass")
+    apart = abs(fit.rows[name, fit.free[0][1]].values["mass"] - MASS)
+    assert apart > 1.96 * spread_of(fit, "mass")
+    assert apart < 1.96 * spread_of(wider, "mass")
+
+
+def test_what_is_no_body_has_no_moments():
+    runs = [pendulum_run(against=lambda t, q, dq: 0.4 * dq, seed=seed) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    whiten = whitening(asked)
+    found = [Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)]
+    fit = refined(asked, whiten, found, blocks(asked.evidence))
+    same = with_moments(asked, whiten, fit, blocks(asked.evidence))
+    np.testing.assert_array_equal(same.covariance, fit.covariance)
