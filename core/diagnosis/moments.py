@@ -47,7 +47,7 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
             continue
         if left is None:
             left = left_with(problem, whiten, tables(fit.rows))
-        pull = covariance @ (fit.slope / spread(left, parts)[:, None] ** 2).T
+        pull = fit.covariance @ (fit.slope / spread(left, parts)[:, None] ** 2).T
         for name in missing:
             there = EffectRow(row.at, {**row.values, name: row.values[name] + usual})
             change = left_with(problem, whiten, tables({**fit.rows, (effect, at): there})) - left
