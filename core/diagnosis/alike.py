@@ -15,6 +15,8 @@ from .hypotheses import clamped, twins_of
 from .problem import Problem
 from .refine import Refined, refined
 from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, rows_of, without_bodies
+from .stiffening import STIFFENING
+from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
 
@@ -101,7 +103,10 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     out: list[Alike] = []
     for one in tried:
         key = one.key
-        other = refined(problem, whiten, [*state.found, one], parts)
+        trial = [*state.found, one]
+        other = refined(problem, whiten, trial, parts)
+        if STIFFENING in item.row.values:
+            other = stiffer(problem, whiten, trial, other, parts, one, float(state.left @ state.left))
         worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
         named = replace(one, row=other.rows[key])

@@ -48,6 +48,7 @@ from .resimulate import residuals, resimulated
 from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .stiffer import straightened
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, variable_in_words
 
@@ -340,13 +341,15 @@ class _Diagnosing:
             every: Every run was judged once; the last numbers may see them all.
         """
         numbers, kept = judge.closer(held)
+        parts = blocks(state.problem.evidence)
         if kept.found and len(kept.found) < len(held.found):
-            fit = refined(state.problem, state.whiten, kept.found, blocks(state.problem.evidence))
+            fit = refined(state.problem, state.whiten, kept.found, parts)
+        fit = straightened(state.problem, state.whiten, kept.found, fit, parts)
         if numbers:
             far = bool(kept.numbers)
             last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
             fit = last or fit
-        fit = in_one_turn(with_moments(state.problem, state.whiten, fit, blocks(state.problem.evidence)))
+        fit = in_one_turn(with_moments(state.problem, state.whiten, fit, parts))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 
     def _found_so_far(self, what: str) -> None:

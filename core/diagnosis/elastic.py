@@ -8,6 +8,7 @@ thousandth of a period is many times the noise.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ def arms_along(
     elastic: Any,
     stiffness: Any,
     damping: Any,
+    stiffening: Any,
     half_gap: Any,
     arm_stiffness: Any,
     arm_rest: Any,
@@ -46,6 +48,7 @@ def arms_along(
         elastic: Indices of the joints with a spring, shape (e,), int64.
         stiffness: Of every joint's spring, shape (n,).
         damping: Of the same.
+        stiffening: Of the same, by the square of its stretch beyond the clearance: T = K s (1 + stiffening s^2).
         half_gap: Half of its clearance.
         arm_stiffness: Of springs on the arms, shape (n,).
         arm_rest: Where these rest.
@@ -79,7 +82,12 @@ def arms_along(
             clearance = half_gap[i] if load > 0.0 else -half_gap[i]
             if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
                 clearance = 0.0
-            q[0, i] = theta[0, i] - load / stiffness[i] - clearance
+            stretch = load / stiffness[i]
+            if stiffening[i] > 0.0:
+                # Cardano's root of s + stiffening s^3
+                root = math.sqrt(3.0 * stiffening[i])
+                stretch = 2.0 / root * math.sinh(math.asinh(1.5 * root * stretch) / 3.0)
+            q[0, i] = theta[0, i] - stretch - clearance
     for a in range(e):
         dq[0, elastic[a]] = dtheta[0, elastic[a]]
         ddq[0, elastic[a]] = ddtheta[0, elastic[a]]
@@ -94,7 +102,10 @@ def arms_along(
             change[b] = 1.0 if b == a else 0.0
         solved(reduced, change)
         # no lighter than with everything else free
-        followed = (stiffness[elastic[a]] + arm_stiffness[elastic[a]]) * change[a] * h * h <= FOLLOWED
+        i = elastic[a]
+        stretch = theta[0, i] - q[0, i]
+        hardest = stiffness[i] * (1.0 + 3.0 * stiffening[i] * stretch * stretch)
+        followed = (hardest + arm_stiffness[i]) * change[a] * h * h <= FOLLOWED
         beta[a] = 1.0 / 12.0 if followed else 0.25
     for k in range(m):
         # at the first sample only the accelerations are to be found
@@ -121,7 +132,9 @@ def arms_along(
                     else:
                         pull[a] = 0.0
                         give[a] = 0.0
-                force = pull[a] * (stretch - rest) + give[a] * (dtheta[k, i] - dq[k, i])
+                square = stiffening[i] * (stretch - rest) * (stretch - rest)
+                force = pull[a] * (stretch - rest) * (1.0 + square) + give[a] * (dtheta[k, i] - dq[k, i])
+                pull[a] *= 1.0 + 3.0 * square
                 force -= arm_stiffness[i] * (q[k, i] - arm_rest[i])
                 change[a] = force - bias[i]
                 for j in range(n):

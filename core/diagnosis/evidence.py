@@ -21,6 +21,7 @@ from ..representation import Robot
 from .inverse import Said, said
 from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
 from .sensed import next_alike, noise_in, response_of
+from .stiffening import Stiffening
 
 Vector = NDArray[np.float64]
 
@@ -75,9 +76,14 @@ class Evidence:
     mixes: tuple[Mapping[int, Vector], ...] = ()
     asks: tuple[Mapping[int, float], ...] = ()
 
-    def residual(self, robots: Sequence[Robot]) -> Vector:
-        """Measured minus said of these robots, one a run, in units of noise, shape (N,)."""
-        return self.weighed([self._raw(number, robot) for number, robot in enumerate(robots)])
+    def residual(self, robots: Sequence[Robot], stiffening: Stiffening = ()) -> Vector:
+        """Measured minus said of these robots, one a run, in units of noise, shape (N,).
+
+        Args:
+            robots: With their effects.
+            stiffening: Which of their springs stiffen.
+        """
+        return self.weighed([self._raw(number, robot, stiffening) for number, robot in enumerate(robots)])
 
     def weighed(self, raw: Sequence[Mapping[str, Sequence[Vector]]]) -> Vector:
         """Coefficients of every run's signals in units of noise, shape (N,)."""
@@ -113,9 +119,9 @@ class Evidence:
             tuple(self.asks[k] for k in kept) if self.asks else (),
         )
 
-    def _raw(self, number: int, robot: Robot) -> dict[str, list[Vector]]:
+    def _raw(self, number: int, robot: Robot, stiffening: Stiffening) -> dict[str, list[Vector]]:
         run = self.runs[number]
-        speech = said(robot, run, self.nominals[number], self.creeps[number])
+        speech = said(robot, run, self.nominals[number], self.creeps[number], stiffening)
         return coefficients(run, differences(run, speech), self.masks[number])
 
 

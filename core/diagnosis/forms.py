@@ -43,6 +43,7 @@ ASIDE_SAID = "is not the same both ways"
 DRIVEN_SAID = "is another one where it drives than where it is driven"
 BENT_SAID = "goes with another power of what it goes with"
 TWICE_SAID = "comes twice as often as well"
+STIFFENS_SAID = "stiffens as it is wound up"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

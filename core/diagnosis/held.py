@@ -17,7 +17,7 @@ from ..recording import Run
 from .alike import Alike
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
-from .forms import TWICE_SAID, is_wave
+from .forms import STIFFENS_SAID, TWICE_SAID, is_wave
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
@@ -340,8 +340,14 @@ class Judge:
 
     def other_form(self, held: Held) -> Bent | None:
         """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
+        if not held.found or held.adequate:
+            return None
+        bends = held.unseen.stiffened
+        if bends < MOST_LEFT and held.open * bends < OTHER_FORM:
+            spring = next(k for k, stiffening in enumerate(held.unseen.stiffens) if stiffening)
+            return Bent(bends, spring, STIFFENS_SAID)
         much = held.open > MOST_BENT
-        if not held.found or held.adequate or (much and not any(is_wave(item) for item in held.found)):
+        if much and not any(is_wave(item) for item in held.found):
             return None
         form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
         if form is None or (much and form.said != TWICE_SAID):
@@ -356,7 +362,7 @@ class Judge:
         if not held.found or not held.adequate or self.by_bands:
             return None
         left = along(self.whole, self.whiten, held.found, self.ways)
-        if left.share < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
+        if left.share * held.unseen.stiffened < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
             return None
         rows = [[item.row for item in held.found] for _ in self.ways]
         form = bent(self.whole, self.whiten, held.found, self.ways, rows)

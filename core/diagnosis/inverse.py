@@ -21,6 +21,7 @@ from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
 from . import along, elastic
 from .prepare import Prepared
+from .stiffening import Stiffening, of_joints, places
 
 Vector = NDArray[np.float64]
 
@@ -69,7 +70,7 @@ def _compiled(name: str) -> Any:
     return compile_text(getattr(module, name))
 
 
-def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
+def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening: Stiffening = ()) -> Said:
     """What the sensors of a robot would have said along a run's motor motion.
 
     Args:
@@ -77,8 +78,9 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector) -> Said:
         run: The motion.
         nominal: Whose rigid bodies the controller's feedforward knows.
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
+        stiffening: Which of its springs stiffen.
     """
-    moved = _moved(_bodies(robot), run)
+    moved = _moved(_bodies(robot), run, stiffening)
     whole = expanded(robot, imposed=True)
     driven = list(whole.driven)
     drives = _drives(whole.robot, whole.spread(creep, 1.0))
@@ -120,8 +122,15 @@ def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
     Returns:
         Of all joints, those of soft arms and bearings too, shape (m, k) each.
     """
-    moved = _moved(_bodies(robot), run)
+    moved = _moved(_bodies(robot), run, ())
     return moved.q, moved.dq
+
+
+def stretch_of(robot: Robot, run: Prepared, effect: str, at: int) -> float:
+    """Root mean square stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place."""
+    moved = _moved(_bodies(robot), run, ())
+    springs = places(robot, expanded(robot, imposed=True), effect, at)
+    return float(np.sqrt(np.mean((moved.theta - moved.q)[:, springs] ** 2, axis=0).max()))
 
 
 def _slow(values: Vector, run: Prepared) -> Vector:
@@ -173,7 +182,7 @@ def _bodies(robot: Robot) -> Robot:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _moved(robot: Robot, run: Prepared) -> _Moved:
+def _moved(robot: Robot, run: Prepared, stiffening: Stiffening) -> _Moved:
     """Motion, load and tool of a robot's bodies; most effects change none of them."""
     offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
     whole = expanded(robot, imposed=True)
@@ -190,7 +199,8 @@ def _moved(robot: Robot, run: Prepared) -> _Moved:
         slope = np.divide(rate, dtheta, out=slope, where=moving)
     arms = dynamics(full, always_compiled=True)
     clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
-    q, dq, ddq = _arms(full, arms, run, clamped, *_stopped(clamped, turned, dturned, ddturned))
+    stiffens = of_joints(robot, whole, stiffening)
+    q, dq, ddq = _arms(full, arms, run, clamped, stiffens, *_stopped(clamped, turned, dturned, ddturned))
     load = arms.inverse_dynamics(q, dq, ddq)
     for i in clamped:
         # what the arm weighs is the clamp's too; its drive has what the spring is wound up by
@@ -287,6 +297,7 @@ def _arms(
     arms: Dynamics,
     run: Prepared,
     clamped: Mapping[int, float],
+    stiffening: Vector,
     theta: Vector,
     dtheta: Vector,
     ddtheta: Vector,
@@ -321,6 +332,7 @@ def _arms(
         np.flatnonzero(soft),
         stiffness,
         damping,
+        stiffening,
         half_gap,
         arm_stiffness,
         arm_rest,

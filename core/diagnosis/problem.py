@@ -18,6 +18,7 @@ from ..representation import Inertia, Robot
 from .evidence import Evidence, gather
 from .inverse import Said, said
 from .model import Rows, level_rows, merged
+from .stiffening import stiffening_of
 
 Vector = NDArray[np.float64]
 # what a robot leaves that cannot be, in units of noise
@@ -55,7 +56,7 @@ class Problem:
 
     def residual(self, rows: Rows) -> Vector:
         """Measured minus said with these rows, in units of noise, shape (N,)."""
-        return self.evidence.residual(self.robots(rows))
+        return self.evidence.residual(self.robots(rows), stiffening_of(rows))
 
     def misfit(self, rows: Rows) -> Vector:
         """The residual, or FAR everywhere where there can be no such robot, shape (N,)."""
@@ -67,9 +68,9 @@ class Problem:
 
     def spoken(self, rows: Rows) -> list[Said]:
         """What the sensors would have said in each run."""
-        e = self.evidence
+        e, stiffening = self.evidence, stiffening_of(rows)
         return [
-            said(robot, run, nominal, creep)
+            said(robot, run, nominal, creep, stiffening)
             for robot, run, nominal, creep in zip(self.robots(rows), e.runs, e.nominals, e.creeps, strict=True)
         ]
 

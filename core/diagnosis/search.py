@@ -37,6 +37,8 @@ from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
 from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs
+from .stiffening import STIFFENING
+from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
 
@@ -636,7 +638,9 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
         if id(contender) in tried or rows is None or len(tried) == MOST_TRIED:
             continue
         item = _found(contender, rows)
-        fit = refined(state.problem, state.whiten, [*state.found, item], parts)
+        trial = [*state.found, item]
+        fit = refined(state.problem, state.whiten, trial, parts)
+        fit = stiffer(state.problem, state.whiten, trial, fit, parts, item, _energy(state.left))
         tried[id(contender)] = (contender, item, fit)
         if not state.found:
             state.alone[item.key] = min(_energy(fit.left), state.alone.get(item.key, math.inf))
@@ -646,7 +650,7 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     sigma = spread(least, parts)
     scored = [
         (
-            gained(state.left, fit.left, sigma, parts) - 2.0 * contender.numbers,
+            gained(state.left, fit.left, sigma, parts) - 2.0 * (contender.numbers + _stiffens(fit, item)),
             contender,
             item,
             fit,
@@ -657,7 +661,10 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     if not earning:
         return None
     # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
-    worth = [(_energy(state.left) - _energy(fit.left)) / contender.price for _, contender, _, fit in earning]
+    worth = [
+        (_energy(state.left) - _energy(fit.left)) / (contender.price + DEARER * _stiffens(fit, item))
+        for _, contender, item, fit in earning
+    ]
     most = max(worth)
     as_much = [entry for entry, one in zip(earning, worth, strict=True) if one >= most - SAME_ENERGY * abs(most)]
     best = max(as_much, key=lambda entry: entry[0])
@@ -669,6 +676,11 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     )
     gain, _, item, fit = min(same, key=lambda entry: (len(entry[3].free), -entry[0]))
     return replace(item, row=fit.rows[item.key], gain=gain)
+
+
+def _stiffens(fit: Refined, item: Found) -> int:
+    """One number more for a spring that stiffens, 0 for anything else."""
+    return int(STIFFENING in fit.rows[item.key].values)
 
 
 def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,6 +18,8 @@ from .nuisances import Whitening
 from .problem import FAR, Problem
 from .refine import Refined, left_with, refined, removal
 from .search import Found, rows_of
+from .stiffening import STIFFENING
+from .stiffer import straightened
 
 Vector = NDArray[np.float64]
 
@@ -57,6 +59,8 @@ class Unseen:
         rows: For each split, the rows that were fitted without its unseen runs.
         open: Part of the gap's energy along the motion, above noise, that all findings leave there.
         stands_out: Whether a band of what they leave there is far above noise.
+        stiffened: What part of `open` they leave where their springs stiffen as they were found to; 1 where none does.
+        stiffens: How much each does [1/rad^2 or 1/m^2].
     """
 
     gains: tuple[float, ...]
@@ -66,6 +70,8 @@ class Unseen:
     rows: tuple[tuple[EffectRow, ...], ...]
     open: float = 1.0
     stands_out: bool = False
+    stiffened: float = 1.0
+    stiffens: tuple[float, ...] = ()
 
 
 def splits(count: int, held_out: int) -> tuple[Split, ...]:
@@ -105,17 +111,21 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     moves = np.zeros(len(found))
     shares, taken, own = (np.zeros(len(found)) for _ in range(3))
     rows: list[tuple[EffectRow, ...]] = []
-    loud, still, stands_out = 0.0, 0.0, False
+    sums, stands_out = np.zeros(3), False
+    stiffens: tuple[float, ...] = ()
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
         fit = seen.fit(found)
-        rows.append(tuple(fit.rows[item.key] for item in found))
-        whole = [replace(item, row=fit.rows[item.key]) for item in found]
+        stiffens = tuple(fit.rows[item.key].values.get(STIFFENING, 0.0) for item in found)
+        straight = straightened(seen.problem, seen.whiten, found, fit, seen.parts)
+        rows.append(tuple(straight.rows[item.key] for item in found))
+        whole = _with(found, fit.rows)
         left = unseen.left(whole)
         sigma, fitted = spread(left, unseen.parts), spread(fit.left, seen.parts)
         nothing = unseen.left([])
-        loud, still = (total + float(one @ one) - len(one) for total, one in ((loud, nothing), (still, left)))
-        stands_out = stands_out or shows_in_band(left, unseen.parts)
+        engines = left if straight is fit else unseen.left(_with(found, straight.rows))
+        sums += [_energy(one) - len(one) for one in (nothing, engines, left)]
+        stands_out = stands_out or shows_in_band(engines, unseen.parts)
         for k, item in enumerate(whole):
             others = [other for other in whole if other is not item]
             if len(ways) > 1 and _moved(seen.left(others), fit.left, fitted) < NOTHING:
@@ -135,6 +145,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             forms = beyond_forms(unseen.problem, unseen.whiten, whole, k)
             taken[k] += _energy(rest) - _energy(left)
             own[k] += _energy(rest) - _energy(left) if forms is None else _energy(forms(rest)) - _energy(forms(left))
+    loud, still, bends = sums.tolist()
     part = min(1.0, max(0.0, still / loud)) if loud > 0.0 else 1.0
     return Unseen(
         tuple(gains.tolist()),
@@ -144,6 +155,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         tuple(rows),
         part,
         stands_out,
+        min(1.0, max(0.0, bends / still)) if any(stiffens) and still > 0.0 else 1.0,
+        stiffens,
     )
 
 
@@ -273,6 +286,11 @@ def fall_short(
     best = int(np.argmin(nats))
     share = (energy - energy[best]) / max(nothing - float(energy[best]), 1e-9)
     return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
+
+
+def _with(found: Sequence[Found], rows: Mapping[tuple[str, int], EffectRow]) -> list[Found]:
+    """Findings with these rows."""
+    return [replace(item, row=rows[item.key]) for item in found]
 
 
 def _energy(left: Vector) -> float:

@@ -173,6 +173,7 @@ def soft_run(
     damping: float,
     *,
     gap: float = 0.0,
+    stiffening: float = 0.0,
     weight: float = WEIGHT,
     seed: int = 0,
     noisy: bool = True,
@@ -184,6 +185,7 @@ def soft_run(
     Args:
         stiffness, damping: Of the spring [N m/rad, N m s/rad].
         gap: Clearance before it [rad]; its damper never pulls.
+        stiffening: By what part it is stiffer at a stretch of 1 rad, by the square of it [1/rad^2].
         weight: Moment of the weight, held out straight [N m].
         seed: Of the noise.
         noisy: Whether there is any.
@@ -201,7 +203,7 @@ def soft_run(
         theta, dtheta = asked(s)
         stretch = theta - q
         beyond = np.sign(stretch) * np.maximum(np.abs(stretch) - 0.5 * gap, 0.0)
-        torque = stiffness * beyond + damping * (dtheta - dq)
+        torque = stiffness * beyond * (1.0 + stiffening * beyond**2) + damping * (dtheta - dq)
         return torque if gap == 0.0 else np.where(torque * beyond > 0.0, torque, 0.0)
 
     def bend(s: float, y: Vector) -> Vector:

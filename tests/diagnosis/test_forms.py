@@ -92,7 +92,7 @@ def test_another_amount_of_a_law_is_no_other_form_of_it():
 def told_of(against, item):
     """What is said of a part of a gap that a finding leaves."""
     judge = judge_of(against)
-    unseen = SimpleNamespace(rows=rows_of(judge, item))
+    unseen = SimpleNamespace(rows=rows_of(judge, item), stiffened=1.0)
 
     def said(share, adequate=False):
         return judge.other_form(SimpleNamespace(found=(item,), open=share, adequate=adequate, unseen=unseen))
@@ -125,7 +125,8 @@ def test_what_is_left_of_a_wave_is_no_little():
 
 def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
-    return judge.contradicted(SimpleNamespace(found=(item,), adequate=adequate))
+    unseen = SimpleNamespace(stiffened=1.0)
+    return judge.contradicted(SimpleNamespace(found=(item,), adequate=adequate, unseen=unseen))
 
 
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):

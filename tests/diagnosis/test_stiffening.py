@@ -1,0 +1,130 @@
+"""Springs that stiffen: found along the motion as what they are, told, and handed on as straight ones."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mbexport
+from mbexport.core.build import assembled
+from mbexport.core.database import load
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.forms import STIFFENS_SAID
+from mbexport.core.diagnosis.hypotheses import defaults
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.stiffening import STIFFENING, places
+from mbexport.core.diagnosis.stiffer import stiffer, straightened
+from mbexport.core.effects import EffectRow
+from mbexport.core.expansion import expanded
+
+from .pendulums import INERTIA, WEIGHT, soft_run
+
+OMEGA = 30.0
+SPRING = {"stiffness": INERTIA * OMEGA**2, "damping": 0.3}
+# half as stiff again at the stretch that its weight makes
+STIFFER = 0.5 / (WEIGHT / SPRING["stiffness"]) ** 2
+
+
+def asked_of(stiffening, **options):
+    runs = [soft_run(**SPRING, stiffening=stiffening, seed=seed, **options) for seed in (1, 2)]
+    return problem(load("pendulum"), "rigid", runs)
+
+
+def spring(**values):
+    return Found("joint_compliance", 1, EffectRow(1, SPRING | values), 50.0)
+
+
+def fitted(stiffening):
+    """A pendulum's question, its parts and the straight spring's fit, and what is there without it."""
+    asked = asked_of(stiffening)
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    return (
+        (asked, whiten),
+        parts,
+        refined(asked, whiten, [spring()], parts),
+        float(np.sum(whiten(asked.residual({})) ** 2)),
+    )
+
+
+def test_the_motion_behind_it_is_that_of_another_integrator():
+    asked = asked_of(STIFFER, noisy=False)
+    straight, stiff = (
+        float(np.mean(asked.residual({"joint_compliance": (row,)}) ** 2))
+        for row in (spring().row, spring(**{STIFFENING: STIFFER}).row)
+    )
+    assert stiff < 0.2
+    assert straight > 1e3 * stiff
+
+
+def test_it_hangs_where_its_torque_bears_the_weight():
+    """At rest K s (1 + stiffening s^2) is the weight's moment there."""
+    asked = asked_of(STIFFER, noisy=False)
+    row = {"joint_compliance": (spring(**{STIFFENING: STIFFER}).row,)}
+    begin = asked.spoken(row)[0]
+    stretch = asked.evidence.runs[0].q[0, 0] - begin.q_link[0, 0]
+    assert SPRING["stiffness"] * stretch * (1.0 + STIFFER * stretch**2) == pytest.approx(
+        WEIGHT * math.sin(begin.q_link[0, 0]), rel=1e-6, abs=1e-9
+    )
+
+
+def test_a_fit_finds_how_much_it_stiffens():
+    question, parts, straight, before = fitted(STIFFER)
+    fit = stiffer(*question, [spring()], straight, parts, spring(), before)
+    values = fit.rows["joint_compliance", 1].values
+    assert values[STIFFENING] == pytest.approx(STIFFER, rel=0.02)
+    assert values["stiffness"] == pytest.approx(SPRING["stiffness"], rel=0.01)
+    assert float(np.mean(fit.left**2)) < 1.5 < 100.0 < float(np.mean(straight.left**2))
+
+
+def test_a_straight_spring_stays_one():
+    question, parts, straight, before = fitted(0.0)
+    assert stiffer(*question, [spring()], straight, parts, spring(), before) is straight
+
+
+def test_what_is_no_spring_has_no_stiffening():
+    question, parts, _, before = fitted(STIFFER)
+    damps = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+    fit = refined(*question, [damps], parts)
+    assert stiffer(*question, [damps], fit, parts, damps, before) is fit
+
+
+def test_a_database_gets_the_straight_spring_that_is_nearest():
+    question, parts, straight, before = fitted(STIFFER)
+    bent = stiffer(*question, [spring()], straight, parts, spring(), before)
+    handed = straightened(*question, [spring()], bent, parts)
+    values = handed.rows["joint_compliance", 1].values
+    assert STIFFENING not in values
+    # between its own at rest and the steepest there is
+    assert SPRING["stiffness"] < values["stiffness"] < 4.0 * SPRING["stiffness"]
+    assert np.sum(handed.left**2) < 1.01 * np.sum(straight.left**2)
+    assert straightened(*question, [spring()], straight, parts) is straight
+
+
+def test_a_diagnosis_names_it_and_says_that_it_stiffens(tmp_path):
+    runs = [soft_run(**SPRING, stiffening=STIFFER, seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose(load("pendulum"), runs, level="rigid", backends=["mjcf"])
+    (found,) = answer.which
+    assert (found.effect, found.at) == ("joint_compliance", "joint_1")
+    assert answer.verdict == "explained"
+    assert STIFFENS_SAID in answer.unexplained.looks_like
+    # the corrected model is one that every engine takes
+    assert set(answer.effects["joint_compliance"][0].values) == {"stiffness", "damping"}
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "ends"),
+    [
+        ("joint_compliance_6d", {"krx": 1e4, "kry": 2e4}, ("_rx", "_ry")),
+        ("link_flexibility", {"ku": 1e4, "kv": 2e4}, ("_u", "_v")),
+    ],
+)
+def test_its_places_are_the_directions_that_give(effect, values, ends):
+    robot = assembled(load("imece2013"), {effect: (EffectRow(2, defaults(effect) | values),)})
+    whole = expanded(robot, imposed=True)
+    own = whole.driven[1]
+    names = [whole.robot.stages[k].joint.name for k in places(robot, whole, effect, 2) if k != own]
+    assert tuple(name[-len(end) :] for name, end in zip(names, ends, strict=True)) == ends
+    assert {name.split("_")[1] for name in names} == {"2"}
