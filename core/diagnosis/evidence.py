@@ -209,7 +209,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
 def creep_of(run: Prepared) -> Vector:
     """Speed of every joint below which it stands, shape (n,) [rad/s or m/s]."""
     fastest = np.abs(run.dq).max(axis=0)
-    noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.band * np.sqrt(2.0 * run.band / run.run.rate)
+    noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.pace * np.sqrt(2.0 * run.pace / run.run.rate)
     return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
@@ -227,7 +227,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
     turns = np.zeros_like(stands)
     turns[1:] = np.diff(np.signbit(run.dq), axis=0)
     # when it turns is known as well as the band tells times apart; a rest ends with a jerk, which rings on
-    period = 1.0 / (run.band * run.h)
+    period = 1.0 / (run.pace * run.h)
     rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
     near = widened(stands | turns, 0.5 * period) | widened(rests, period)
     # a joint that stands all the time still shows its load, unless its friction may bear any of it

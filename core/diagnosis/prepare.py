@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -24,6 +25,8 @@ KEPT = 0.6
 LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
 # a motion is told from its sensor's noise where its spectrum stands so far above it
 ABOVE_NOISE = 10.0
+# standard deviations of their sensors' noise by which motors may be off the motion that was asked for and be as told
+AS_TOLD = 2.0
 ORDER = 4
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
 # positions do
@@ -55,13 +58,15 @@ class Prepared:
         t: Times [s], shape (m,).
         h: Their distance [s].
         band: What is compared lies below this frequency [Hz].
-        q, dq, ddq: Reported motor motion, smoothed by a zero-phase Butterworth filter, shape (m, n).
+        q, dq, ddq: Reported motor motion, smoothed by a zero-phase Butterworth filter, or as it was asked for where it
+            is known to be that, shape (m, n).
         measured: Signals as recorded, on the grid; holes are bridged, shape (m, n) or (m, 3); ee_rot: rows of the
             rotation matrix, shape (m, 9).
         missing: Where they were bridged, or are no data, shape as measured.
         edge: Samples at either end where the smoothing does not hold.
         told: What a controller acted on that was told the recorded positions and speeds, noise and all; None where no
             record shows it.
+        moves_below: Frequency [Hz] above which its motion has nothing, where it is known exactly.
     """
 
     run: Run
@@ -75,6 +80,12 @@ class Prepared:
     missing: Mapping[str, Mask]
     edge: int
     told: Told | None = None
+    moves_below: float = math.inf
+
+    @property
+    def pace(self) -> float:
+        """Up to which frequency [Hz] its motion is told from noise, of what is compared."""
+        return min(self.band, self.moves_below)
 
     def bridged(self, name: str) -> Mask:
         """Where a signal is smeared by what was bridged: as far from a hole as the smoothing reaches, shape (m, n)."""
@@ -111,6 +122,36 @@ def band_of(run: Run) -> float:
     return min(found, highest)
 
 
+@lru_cache(maxsize=256)
+def follows(run: Run) -> bool:
+    """Whether a run's motors are where they were told to be, as far as their sensors say: the motion is known exactly.
+
+    Then torques are compared far above the frequencies of the motion itself, where positions differentiated twice have
+    nothing but noise: what rings and what comes often in a turn is there.
+    """
+    if run.control.mode != "motion" or "q_cmd" not in run.signals or run.locked:
+        return False
+    asked, measured = run.signals["q_cmd"], run.signals["q"]
+    if np.isnan(asked).all(axis=0).any() or np.isnan(measured).all(axis=0).any():
+        return False
+    rms = np.sqrt(np.nanmean((measured - asked) ** 2, axis=0))
+    return bool(np.all(rms <= AS_TOLD * noise_in(run, "q").sigma))
+
+
+def _as_told(run: Run, t: Vector) -> list[Vector]:
+    """The motion that was asked for and its derivatives, shapes (m, n), by a spline of fifth order through its rows.
+
+    The second derivative of pieces of third order is off by h^2 / 12 times the fourth one: more than the noise of a
+    good torque sensor.
+    """
+    interpolate: Any = import_module("scipy.interpolate")
+
+    q = run.signals["q_cmd"]
+    whole = np.isfinite(q).all(axis=1)
+    spline = interpolate.make_interp_spline(run.t[whole], q[whole], k=5, axis=0)
+    return [np.asarray(spline(t, nu=nu)) for nu in range(3)]
+
+
 def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector] | None = None) -> Prepared:
     """A run on its grid.
 
@@ -124,7 +165,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     interpolate: Any = import_module("scipy.interpolate")
     signal: Any = import_module("scipy.signal")
 
-    width = band if band is not None else band_of(run)
+    imposed = follows(run)
+    width = band if band is not None else min(HIGHEST_BAND, 0.2 * run.rate) if imposed else band_of(run)
     fine = np.arange(int(np.floor(run.t[-1] * run.rate + 1e-6)) + 1) / run.rate
     every = max(1, round(run.rate / HIGHEST_RATE))
     t = fine[::every]
@@ -147,7 +189,9 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
             continue
         whole, hole = _on(fine, run, values)
         smooth = np.asarray(signal.sosfiltfilt(sos, whole, axis=0)) if name != "tau_cmd" else whole
-        if name == "q":
+        if name == "q" and imposed:
+            motion = _as_told(run, t)
+        elif name == "q":
             spline = interpolate.make_interp_spline(fine, smooth, k=5, axis=0)
             motion = [np.asarray(spline(t, nu=nu)) for nu in range(3)]
         measured[name], missing[name] = smooth[::every], hole[::every]
@@ -156,7 +200,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     seen = None
     if joints is not None:
         seen = Told(joints, measured.pop("q_told"), measured.pop("dq_told"), _taken(run, width))
-    return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge, seen)
+    below = band_of(run) if imposed else math.inf
+    return Prepared(run, t, float(t[1] - t[0]), width, q, dq, ddq, measured, missing, edge, seen, below)
 
 
 @lru_cache(maxsize=256)

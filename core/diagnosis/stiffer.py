@@ -61,7 +61,9 @@ def stiffer(
     left = _above(fit)
     if not columns or STIFFENING in row.values or clamped(problem, item.at):
         return fit
-    if left < CLOSE * max(before - len(fit.left), 0.0):
+    loud = before - len(fit.left)
+    if not CLOSE * loud < left < loud:
+        # it is straight, or explains nothing
         return fit
     stretch = _stretch(problem, fit, item)
     if not stretch > 0.0:
