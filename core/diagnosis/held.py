@@ -259,7 +259,8 @@ class Judge:
     def _closing(self, held: Held, state: Search) -> list[Found]:
         """What simulated takes most of what findings leave of the runs that were fitted, the best first.
 
-        With the log evidence that it has there for its gain.
+        With the log evidence that it has there for its gain, which must be that of a finding: of a gap that is next to
+        none most is soon taken.
         """
         self.tell("what would close the gap in simulation")
         way = self.ways[0]
@@ -278,7 +279,9 @@ class Judge:
         best: dict[tuple[str, int], Found] = {}
         for energy, k in sorted((energy, k) for k, energy in enumerate(left) if energy < CLOSING * now):
             spread = 1.0 + max(energy, 0.0) / len(part.evidence.weights)
-            best.setdefault(tried[k].key, replace(tried[k], gain=0.5 * (now - energy) / spread))
+            gain = 0.5 * (now - energy) / spread
+            if gain >= THRESHOLD:
+                best.setdefault(tried[k].key, replace(tried[k], gain=gain))
         return list(best.values())[:MOST_CLOSING]
 
     def _with(

@@ -172,6 +172,7 @@ class Search:
             What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
         alone: Sum of squares that a candidate left alone with all its numbers free, where that was tried.
+        rung: What each spring that was tried leaves where nothing else is found.
         banned: Effects and numbers of places that are out: they need a body that cannot exist, or did not hold.
     """
 
@@ -186,6 +187,7 @@ class Search:
     )
     scales: Scales | None = None
     alone: dict[tuple[str, int], float] = field(default_factory=dict[tuple[str, int], float])
+    rung: dict[tuple[str, int, str], Vector] = field(default_factory=dict[tuple[str, int, str], Vector])
     banned: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
 
     def begin(self) -> None:
@@ -195,7 +197,14 @@ class Search:
 
     def without(self, names: Collection[tuple[str, str]]) -> Search:
         """A search from the beginning that knows what this one worked out, but for effects at places."""
-        other = Search(self.problem, self.whiten, first=self.first, signatures=self.signatures, scales=self.scales)
+        other = Search(
+            self.problem,
+            self.whiten,
+            first=self.first,
+            signatures=self.signatures,
+            scales=self.scales,
+            rung=self.rung,
+        )
         known = (*(one.hypothesis for one in self.first), *self.found)
         other.banned = self.banned | {item.key for item in known if (item.effect, item.place) in names}
         other.begin()
@@ -710,9 +719,14 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
     tried: list[tuple[float, Hypothesis, Vector]] = []
     for hypothesis in springs(state.problem, rows, state.scales, {*state.banned, *skip}):
         spring = hypothesis.rows(np.zeros_like(hypothesis.scale))
-        if spring is not None:
-            left = state.whiten(state.problem.misfit(merged(rows, spring)))
-            tried.append((_energy(left), hypothesis, left))
+        if spring is None:
+            continue
+        name = (hypothesis.effect, hypothesis.at, hypothesis.form)
+        known = None if rows else state.rung.get(name)
+        left = state.whiten(state.problem.misfit(merged(rows, spring))) if known is None else known
+        if not rows:
+            state.rung[name] = left
+        tried.append((_energy(left), hypothesis, left))
     tried.sort(key=lambda one: (one[0], one[1].key, one[1].form))
     if not tried:
         return []

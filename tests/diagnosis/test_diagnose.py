@@ -321,3 +321,15 @@ def test_what_closes_a_gap_with_numbers_that_may_be_anything_is_not_found(monkey
     judge, state, held = held_alone("coulomb_friction", lambda t, q, dq: 0.03 * math.tanh(1000.0 * dq), 6)
     monkeypatch.setattr("mbexport.core.diagnosis.held.vanished", lambda *_: True)
     assert judge.closed_in_simulation(held, state).found == held.found
+
+
+@pytest.mark.parametrize(("energy", "found"), [(12.0, False), (120.0, True)])
+def test_what_closes_a_gap_that_is_next_to_none_is_not_found(monkeypatch, energy, found):
+    judge, state, held = held_alone("coulomb_friction", lambda t, q, dq: 0.03 * math.tanh(1000.0 * dq), 6)
+
+    def nearly_all(*arguments):
+        options = arguments[4]
+        return energy, [0.1 * energy] * len(options)
+
+    monkeypatch.setattr("mbexport.core.diagnosis.held.closing", nearly_all)
+    assert bool(judge._closing(held, state)) == found

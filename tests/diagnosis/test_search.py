@@ -364,6 +364,21 @@ def test_a_spring_that_rings_is_found_by_its_resonance():
     assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
 
 
+def test_springs_tried_alone_are_remembered(monkeypatch):
+    """A search that begins again tries them beside nothing once more: it knows what each leaves."""
+    asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05)])
+    whiten = whitening(asked)
+    state = Search(asked, whiten, scales=scales_of(asked, {}))
+    state.begin()
+    monkeypatch.setattr(searching, "_tried", lambda state, good, order, parts: list(good))
+    (first,) = _ringing(state, blocks(asked.evidence), ())
+    counted = []
+    monkeypatch.setattr(type(asked), "misfit", lambda self, rows: counted.append(rows))
+    (again,) = _ringing(state.without(()), blocks(asked.evidence), ())
+    assert not counted
+    assert [one.gain for one in again] == [one.gain for one in first]
+
+
 def test_a_bearing_is_rigid_where_nothing_tells_how_little_it_gives(monkeypatch):
     asked = question()
     parts = blocks(asked.evidence)
