@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,8 @@ from .representation import (
 
 # an arm shorter than this has no direction to bend across [m]
 SHORTEST_BEND = 1.0e-6
+# stages that are kept: of robots that are tried one after the other most are the same
+_REMEMBERED = 1024
 # the directions of a mount: all six but the drive's own, in the catalogue's order
 _DIRECTIONS: dict[JointKind, tuple[tuple[str, JointKind, int], ...]] = {
     "revolute": (
@@ -96,7 +99,8 @@ def expanded(robot: Robot, *, imposed: bool) -> Expansion:
     before = Pose()
     for i in range(robot.n):
         driven.append(len(stages))
-        new, before = _expanded_stage(robot, i, before @ robot.joint_in_previous(i), imposed)
+        placed = before @ robot.joint_in_previous(i)
+        new, before = _expanded_stage(robot.stages[i], robot.arm_in_joint(i), placed, imposed)
         stages += new
     factors = {name: _spread(getattr(robot, name), driven, len(stages)) for name in ("kp_factor", "kd_factor")}
     return Expansion(replace(robot, stages=tuple(stages), **factors), tuple(driven))
@@ -108,10 +112,16 @@ def _spread(factors: tuple[float, ...], driven: list[int], n: int) -> tuple[floa
     return tuple(by_place.get(i, 1.0) for i in range(n)) if factors else ()
 
 
-def _expanded_stage(robot: Robot, i: int, placed: Pose, imposed: bool) -> tuple[list[Stage], Pose]:
-    """Stages of one driven joint, and where its own moving joint frame stands in the last of them, undeflected."""
-    stage = robot.stages[i]
-    arm_in_joint = robot.arm_in_joint(i)
+@lru_cache(maxsize=_REMEMBERED)
+def _expanded_stage(stage: Stage, arm_in_joint: Pose, placed: Pose, imposed: bool) -> tuple[tuple[Stage, ...], Pose]:
+    """Stages of one driven joint, and where its own moving joint frame stands in the last of them, undeflected.
+
+    Args:
+        stage: Of the neutral robot.
+        arm_in_joint: Its arm's frame in its moving joint frame.
+        placed: Where its joint stands in the frame before.
+        imposed: Its motion will be imposed.
+    """
     joints: list[tuple[Joint, Drive]] = [(replace(stage.joint, in_previous=placed), stage.drive)]
     frames = [Pose()]  # of each joint in the driven joint's moving frame
     bodies: list[Inertia] = []
@@ -123,7 +133,7 @@ def _expanded_stage(robot: Robot, i: int, placed: Pose, imposed: bool) -> tuple[
                 _add(joints, frames, f"{stage.joint.name}_{name}", kind, _along(np.eye(3)[axis]), (k, b), imposed)
     inertia = stage.arm.inertia
     if stage.bend:
-        point, axes = _bending_axes(robot, i)
+        point, axes = _bending_axes(stage)
         own = _without(inertia, stage.bend.carried)
         bodies.append(_share(own, stage.bend.at))
         inertia = _share(own, 1.0 - stage.bend.at) + stage.bend.carried
@@ -145,7 +155,7 @@ def _expanded_stage(robot: Robot, i: int, placed: Pose, imposed: bool) -> tuple[
             in_joint=frame.inverse() @ arm_in_joint,
         )
         stages.append(Stage(joint, arm, drive, stage.sensor if number == 0 else Sensor()))
-    return stages, frames[-1].inverse()
+    return tuple(stages), frames[-1].inverse()
 
 
 def _add(
@@ -179,9 +189,8 @@ def _along(axis: NDArray[np.float64], point: NDArray[np.float64] | None = None) 
     return Pose.from_matrix(matrix)
 
 
-def _bending_axes(robot: Robot, i: int) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Where arm i bends, shape (3,), and the axes u and v, all in its own Veitschegger-Wu frame."""
-    stage = robot.stages[i]
+def _bending_axes(stage: Stage) -> tuple[NDArray[np.float64], tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Where an arm bends, shape (3,), and the axes u and v, all in its own Veitschegger-Wu frame."""
     assert stage.bend is not None
     before = stage.arm.link.pose().inverse()
     start = np.array(before.xyz)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kinematics.rigid_body import mass_matrix_and_bias
+from ..kinematics.rigid_body import ChainTable, newton_euler, place_joints
 from ..simulation.drive_law import factorised, solved
 
 # the state of rest is found by so many steps of a fixed point
@@ -62,12 +62,14 @@ def arms_along(
     """
     m, n = theta.shape
     e = len(elastic)
-    mass = np.empty((n, n))
-    bias = np.empty(n)
+    rotation = np.empty((n, 3, 3))
+    position = np.empty((n, 3))
+    needed = np.empty(n)
     reduced = np.empty((e, e))
     change = np.empty(e)
     pull = np.empty(e)
     give = np.empty(e)
+    moved = np.empty(e)
     for k in range(m):
         for i in range(n):
             q[k, i] = theta[k, i]
@@ -75,10 +77,11 @@ def arms_along(
             ddq[k, i] = ddtheta[k, i]
     still = np.zeros(n)
     for _ in range(REST_ITERATIONS):
-        mass_matrix_and_bias(chain, q[0], still, mass, bias)
+        place_joints(chain, q[0], rotation, position)
+        newton_euler(chain, rotation, position, still, still, needed)
         for a in range(e):
             i = elastic[a]
-            load = bias[i] + arm_stiffness[i] * (q[0, i] - arm_rest[i])
+            load = needed[i] + arm_stiffness[i] * (q[0, i] - arm_rest[i])
             clearance = half_gap[i] if load > 0.0 else -half_gap[i]
             if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
                 clearance = 0.0
@@ -92,10 +95,9 @@ def arms_along(
         dq[0, elastic[a]] = dtheta[0, elastic[a]]
         ddq[0, elastic[a]] = ddtheta[0, elastic[a]]
     beta = np.empty(e)
-    mass_matrix_and_bias(chain, q[0], still, mass, bias)
-    for a in range(e):
-        for b in range(e):
-            reduced[a, b] = mass[elastic[a], elastic[b]]
+    mass = np.empty((e, e))
+    place_joints(chain, q[0], rotation, position)
+    mass_matrix_among(chain, elastic, rotation, position, reduced)
     factorised(reduced)
     for a in range(e):
         for b in range(e):
@@ -115,7 +117,11 @@ def arms_along(
                 q[k, i] = q[k - 1, i] + h * dq[k - 1, i] + 0.5 * h * h * ddq[k - 1, i]
                 dq[k, i] = dq[k - 1, i] + h * ddq[k - 1, i]
                 ddq[k, i] = ddq[k - 1, i]
-        mass_matrix_and_bias(chain, q[k], dq[k], mass, bias)
+        place_joints(chain, q[k], rotation, position)
+        newton_euler(chain, rotation, position, dq[k], ddq[k], needed)
+        mass_matrix_among(chain, elastic, rotation, position, mass)
+        for a in range(e):
+            moved[a] = 0.0
         # two passes: the second knows on which side of its clearance each spring ends up
         for _ in range(2):
             for a in range(e):
@@ -136,16 +142,51 @@ def arms_along(
                 force = pull[a] * (stretch - rest) * (1.0 + square) + give[a] * (dtheta[k, i] - dq[k, i])
                 pull[a] *= 1.0 + 3.0 * square
                 force -= arm_stiffness[i] * (q[k, i] - arm_rest[i])
-                change[a] = force - bias[i]
-                for j in range(n):
-                    change[a] -= mass[i, j] * ddq[k, j]
+                change[a] = force - needed[i]
                 for b in range(e):
-                    reduced[a, b] = mass[i, elastic[b]]
+                    change[a] -= mass[a, b] * moved[b]
+                    reduced[a, b] = mass[a, b]
                 reduced[a, a] += 0.5 * step * give[a] + beta[a] * step * step * (pull[a] + arm_stiffness[i])
             factorised(reduced)
             solved(reduced, change)
             for a in range(e):
                 i = elastic[a]
+                moved[a] += change[a]
                 ddq[k, i] += change[a]
                 dq[k, i] += 0.5 * step * change[a]
                 q[k, i] += beta[a] * step * step * change[a]
+
+
+def mass_matrix_among(chain: Any, some: Any, rotation: Any, position: Any, mass: Any) -> None:
+    """Mass matrix among some joints of a placed chain: what accelerations of one after the other take.
+
+    Where few joints are asked for that is a fraction of the whole matrix's work.
+
+    Args:
+        chain: The arms.
+        some: Indices of the joints, ascending, shape (e,), int64.
+        rotation: Moving joint frames in the frames before them, shape (n, 3, 3).
+        position: Their origins there, shape (n, 3).
+        mass: Out, shape (e, e).
+    """
+    weightless = np.zeros(3)
+    for a in range(len(some)):
+        i = some[a]
+        # what is before the joint stands still, and the chain begins there
+        rest = ChainTable(
+            chain.kind[i:],
+            chain.rotation[i:],
+            chain.position[i:],
+            chain.mass[i:],
+            chain.com[i:],
+            chain.tensor[i:],
+            weightless,
+        )
+        count = len(rest.mass)
+        alone = np.zeros(count)
+        still = np.zeros(count)
+        needed = np.empty(count)
+        alone[0] = 1.0
+        newton_euler(rest, rotation[i:], position[i:], still, alone, needed)
+        for b in range(a, len(some)):
+            mass[a, b] = mass[b, a] = needed[some[b] - i]

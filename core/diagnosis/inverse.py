@@ -62,8 +62,7 @@ def _compiled(name: str) -> Any:
         rigid_body.place_joints,
         rigid_body.newton_euler,
         rigid_body.carry_wrench,
-        rigid_body.composite_inertia,
-        rigid_body.mass_matrix_and_bias,
+        elastic.mass_matrix_among,
     ):
         as_it_stands(helper)
     module = next(module for module in (along, elastic, rigid_body) if hasattr(module, name))

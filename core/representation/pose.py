@@ -54,10 +54,9 @@ class Pose:
 
     def matrix(self) -> NDArray[np.float64]:
         """Homogeneous matrix, shape (4, 4)."""
-        matrix = np.eye(4)
-        matrix[:3, :3] = self.rotation
-        matrix[:3, 3] = self.xyz
-        return matrix
+        x, y, z = self.xyz
+        first, second, third = self.rotation
+        return np.array([[*first, x], [*second, y], [*third, z], [0.0, 0.0, 0.0, 1.0]])
 
     def rotation_matrix(self) -> NDArray[np.float64]:
         """Rotation matrix, shape (3, 3)."""
@@ -69,11 +68,11 @@ class Pose:
 
     def inverse(self) -> Pose:
         """Pose of the parent in the child."""
-        rotation = self.rotation_matrix().T
-        matrix = np.eye(4)
-        matrix[:3, :3] = rotation
-        matrix[:3, 3] = -rotation @ np.array(self.xyz)
-        return Pose.from_matrix(matrix)
+        first, second, third = self.rotation
+        x, y, z = self.xyz
+        columns = tuple(zip(first, second, third, strict=True))
+        a, b, c = (-(column[0] * x + column[1] * y + column[2] * z) for column in columns)
+        return Pose((a, b, c), (columns[0], columns[1], columns[2]))
 
     def rpy(self) -> Vector3:
         """Fixed-axis roll, pitch, yaw [rad] whose matrix is this rotation to rounding, gimbal lock included.

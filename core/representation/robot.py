@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from ..errors import UsageError
@@ -23,6 +24,8 @@ from .veitschegger_wu import VeitscheggerWu
 JointKind = Literal["revolute", "prismatic"]
 TermKind = Literal["level", "resistance", "arm", "error", "error_slope", "coupled"]
 TERM_KINDS: tuple[TermKind, ...] = ("level", "resistance", "arm", "error", "error_slope", "coupled")
+# poses that are kept: of robots that are tried one after the other most are the same
+_REMEMBERED = 1024
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,7 +330,7 @@ class Robot:
         commutes with the joint's motion, so arm = joint Q(q) C^-1 A_VW(0).
         """
         arm = self.stages[i].arm
-        return arm.in_joint or self.correction_before(i).pose().inverse() @ arm.link.pose()
+        return arm.in_joint or _from_corrected(self.correction_before(i), arm.link)
 
     def joint_in_previous(self, i: int) -> Pose:
         """Frame of the joint of stage i, at zero, in the previous stage's joint frame (stage 0: in the base)."""
@@ -344,3 +347,9 @@ class Robot:
     def tool_in_last_joint(self) -> Pose:
         """Tool centre point in the last moving joint frame."""
         return self.arm_in_joint(self.n - 1) @ self.tool
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _from_corrected(correction: VeitscheggerWu, link: VeitscheggerWu) -> Pose:
+    """Arm frame in the frame of its joint, which stands at the corrected place."""
+    return correction.pose().inverse() @ link.pose()
