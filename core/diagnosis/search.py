@@ -69,6 +69,8 @@ MUCH = 0.3
 LOUD = 5.0
 # part of the gap's energy for which they are not
 CRUMB = 0.05
+# springs to either side of the likeliest of a place that are tried again
+BESIDE = 1
 # of a plain amount, what is none
 NONE = 1.0e-6
 # effects with so many numbers that they may be found with some of them and need the others later
@@ -172,7 +174,8 @@ class Search:
             What was found meanwhile changes them little, and those chosen are fitted in full.
         scales: Of the first round.
         alone: Sum of squares that a candidate left alone with all its numbers free, where that was tried.
-        rung: What each spring that was tried leaves where nothing else is found.
+        rung: What each spring that was tried changed when all were tried first.
+        rung_beside: Rows of what was found by then.
         banned: Effects and numbers of places that are out: they need a body that cannot exist, or did not hold.
     """
 
@@ -188,6 +191,7 @@ class Search:
     scales: Scales | None = None
     alone: dict[tuple[str, int], float] = field(default_factory=dict[tuple[str, int], float])
     rung: dict[tuple[str, int, str], Vector] = field(default_factory=dict[tuple[str, int, str], Vector])
+    rung_beside: Rows = field(default_factory=dict[str, tuple[EffectRow, ...]])
     banned: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
 
     def begin(self) -> None:
@@ -204,6 +208,7 @@ class Search:
             signatures=self.signatures,
             scales=self.scales,
             rung=self.rung,
+            rung_beside=self.rung_beside,
         )
         known = (*(one.hypothesis for one in self.first), *self.found)
         other.banned = self.banned | {item.key for item in known if (item.effect, item.place) in names}
@@ -715,19 +720,11 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
     loud = _loud(state)
     if state.scales is None or not loud:
         return []
-    rows = rows_of(state.found)
-    tried: list[tuple[float, Hypothesis, Vector]] = []
-    for hypothesis in springs(state.problem, rows, state.scales, {*state.banned, *skip}):
-        spring = hypothesis.rows(np.zeros_like(hypothesis.scale))
-        if spring is None:
-            continue
-        name = (hypothesis.effect, hypothesis.at, hypothesis.form)
-        known = None if rows else state.rung.get(name)
-        left = state.whiten(state.problem.misfit(merged(rows, spring))) if known is None else known
-        if not rows:
-            state.rung[name] = left
-        tried.append((_energy(left), hypothesis, left))
-    tried.sort(key=lambda one: (one[0], one[1].key, one[1].form))
+    options = springs(state.problem, rows_of(state.found), state.scales, {*state.banned, *skip})
+    tried = sorted(
+        ((_energy(left), hypothesis, left) for hypothesis, left in _rung(state, options)),
+        key=lambda one: (one[0], one[1].key, one[1].form),
+    )
     if not tried:
         return []
     sigma = spread(tried[0][2], parts)
@@ -745,6 +742,36 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
     good = [one for one in good if one.earns]
     winner = _tried(state, good, good, parts)
     return [winner] if winner else []
+
+
+def _rung(state: Search, options: Sequence[Hypothesis]) -> list[tuple[Hypothesis, Vector]]:
+    """What springs leave beside what was found: all of them the first time, then those of each place that come nearest.
+
+    Which these are is told by what they changed before. What was found meanwhile moves resonances, but not by far.
+    """
+    rows = rows_of(state.found)
+    places: dict[tuple[str, int], list[Hypothesis]] = {}
+    for hypothesis in options:
+        places.setdefault(hypothesis.key, []).append(hypothesis)
+    out: list[tuple[Hypothesis, Vector]] = []
+    for place in places.values():
+        names = [(hypothesis.effect, hypothesis.at, hypothesis.form) for hypothesis in place]
+        near = range(len(place))
+        if all(name in state.rung for name in names):
+            if rows == state.rung_beside:
+                out += [(place[k], state.left + state.rung[names[k]]) for k in near]
+                continue
+            best = min(near, key=lambda k: _energy(state.left + state.rung[names[k]]))
+            near = near[max(best - BESIDE, 0) : best + BESIDE + 1]
+        elif not state.rung:
+            state.rung_beside = rows
+        for k in near:
+            spring = place[k].rows(np.zeros_like(place[k].scale)) or {}
+            left = state.whiten(state.problem.misfit(merged(rows, spring)))
+            out.append((place[k], left))
+            if rows == state.rung_beside:
+                state.rung[names[k]] = left - state.left
+    return out
 
 
 def _few(order: Sequence[Contender], count: int) -> list[Contender]:

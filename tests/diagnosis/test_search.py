@@ -20,10 +20,12 @@ from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.held import OTHER_LAW, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
+from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import FAR, problem
 from mbexport.core.diagnosis.refine import bounds_of, left_with, refined, removal, stiffened, vanished
+from mbexport.core.diagnosis.resonance import springs
 from mbexport.core.diagnosis.search import (
     Contender,
     Found,
@@ -376,7 +378,30 @@ def test_springs_tried_alone_are_remembered(monkeypatch):
     monkeypatch.setattr(type(asked), "misfit", lambda self, rows: counted.append(rows))
     (again,) = _ringing(state.without(()), blocks(asked.evidence), ())
     assert not counted
-    assert [one.gain for one in again] == [one.gain for one in first]
+    assert [one.gain for one in again] == pytest.approx([one.gain for one in first])
+
+
+def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_near():
+    asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05)])
+    whiten = whitening(asked)
+    state = Search(asked, whiten, scales=scales_of(asked, {}))
+    state.begin()
+    options = springs(asked, {}, state.scales, ())
+    alone = {(one.key, one.form): left for one, left in searching._rung(state, options)}
+    assert len(alone) == len(options)
+    weight = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.01})
+    state.found = [Found("link_inertia", 1, weight, 100.0)]
+    state.left = whiten(asked.residual(rows_of(state.found)))
+    beside = {(one.key, one.form): left for one, left in searching._rung(state, options)}
+    assert len(beside) <= 3 * len({one.key for one in options})
+    for (key, form), left in beside.items():
+        spring = next(one for one in options if (one.key, one.form) == (key, form))
+        both = merged(rows_of(state.found), spring.rows(np.zeros_like(spring.scale)))
+        np.testing.assert_array_equal(left, whiten(asked.misfit(both)))
+        assert not np.array_equal(left, alone[key, form])
+    # what is found beside is small: what came nearest alone is among them
+    for place in {one.key for one in options}:
+        assert min((n for n in alone if n[0] == place), key=lambda name: alone[name] @ alone[name]) in beside
 
 
 def test_a_bearing_is_rigid_where_nothing_tells_how_little_it_gives(monkeypatch):
