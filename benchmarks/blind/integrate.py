@@ -380,6 +380,15 @@ def touching(plant, command, t, y, N, cmd):
 
 
 @njit(cache=True)
+def wound_up(stiffness, stiffening, torque):
+    """Where k x (1 + c x^2) is a torque, by Newton's method: from the straight spring's place it comes down to it."""
+    x = torque / stiffness
+    for _ in range(60):
+        x -= (stiffness * x * (1.0 + stiffening * x * x) - torque) / (stiffness * (1.0 + 3.0 * stiffening * x * x))
+    return x
+
+
+@njit(cache=True)
 def at_rest(chain, plant, command, control):
     """Coordinates (N,) and motor sides (n,) in equilibrium under the controller, without friction, by relaxation."""
     N = len(chain.kind)
@@ -395,7 +404,7 @@ def at_rest(chain, plant, command, control):
         change = 0.0
         for j in range(N):
             if plant.hidden_stiffness[j] > 0.0:
-                new = -h[j] / plant.hidden_stiffness[j]
+                new = wound_up(plant.hidden_stiffness[j], plant.hidden_stiffening[j], -h[j])
                 change = max(change, abs(new - q[j]))
                 q[j] += 0.7 * (new - q[j])
         for i in range(n):

@@ -102,5 +102,31 @@ def load():
     return {"off": float(abs(force - out[1, 0])), "passed": float(passed)}
 
 
+def settled():
+    """How far robots with what gives move before they are asked to [standard deviations of their sensor]."""
+    from design import law_of
+    from world import simulate, world_of
+
+    case = recipe("pd")
+    # as heavy as its controller is quick
+    case["database"]["rotor_inertia"] = {"1": {"inertia": 0.5}}
+    springs = {
+        "joint_compliance": {"stiffness": 40.0, "damping": 0.1, "stiffening": 5e3},
+        "joint_compliance_6d": {"krx": 40.0, "brx": 0.1, "kry": 60.0, "bry": 0.1, "stiffening": 5e3},
+        "link_flexibility": {"ku": 40.0, "bu": 0.1, "kv": 60.0, "bv": 0.1, "at": 0.4, "stiffening": 5e3},
+        "backlash": {"gap": 0.01, "soft": 1.0},
+        "base_tilt": {"roll": 0.3, "pitch": 0.4},
+    }
+    tilt = {"effect": "base_tilt", "at": 0, "parameters": springs.pop("base_tilt"), "form": 0}
+    out = {}
+    for name, parameters in springs.items():
+        # a tilted base loads every direction
+        world = world_of(case, [tilt, {"effect": name, "at": 1, "parameters": parameters, "form": 1}])
+        q = simulate(case, world, law_of(case, case["runs"][0]), 0.03).q[:, 0]
+        out[name] = float(np.max(np.abs(q - q[0]))) / case["sensors"]["sigma"]["q"][0]
+    return out
+
+
 if __name__ == "__main__":
-    print(json.dumps({"perfect": perfect, "stamps": stamps, "apart": apart, "load": load}[sys.argv[1]]()))
+    cases = {"perfect": perfect, "stamps": stamps, "apart": apart, "load": load, "settled": settled}
+    print(json.dumps(cases[sys.argv[1]]()))

@@ -115,6 +115,13 @@ def test_rows_that_come_late_say_so_and_are_so():
     assert error["q"] < 0.1 * error["ticks"]
 
 
+def test_runs_begin_at_rest_in_equilibrium():
+    """As the contract of a log says; a spring that stiffens rests elsewhere than a straight one under the same load."""
+    moved = tiny("settled")
+    assert len(moved) == 4
+    assert max(moved.values()) < 1.0e-3, moved
+
+
 def test_friction_under_load_and_the_load_come_together():
     """Near no load they may answer each other with more and more: the arm jumped."""
     answer = tiny("load")
