@@ -276,6 +276,9 @@ class Judge:
         self.floor = np.sqrt(self.sensor_noise() ** 2 + np.mean([s**2 for s in spread], axis=0) + way**2)
 
     def channels(self) -> list[str]:
+        """What can be compared: behind an unknown controller motions cannot, but what torque they take."""
+        if self.recipe["control"]["mode"] == "unknown":
+            return ["tau"]
         return [c for c in self.recipe["sensors"]["channels"] if c != "dq"]
 
     def sensor_noise(self) -> np.ndarray:
