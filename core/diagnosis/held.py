@@ -26,7 +26,7 @@ from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
 from .polish import closing, polished
 from .problem import Problem, problem
-from .refine import Refined, refined, vanished
+from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
 from .search import (
     ALIKE,
@@ -69,6 +69,8 @@ WILD = "no engine can simulate the robot with it under this controller"
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
 PLAINLY = 0.2
+# part of an arm's length up to which it bends as good as at its joint: where a fit's lower bound is
+AT_JOINT = 1.1 * SHORTEST_PART
 OTHER_LAW = "no more than what is left where the law of another finding at its joint has another form"
 # part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs; of what all
 # leave, the part that other forms of their laws may leave where no cause is missing
@@ -407,15 +409,15 @@ class Judge:
                 loads = [one.found for one in others if one.one_body and one.found.effect == "payload"]
                 far = {id(one): less.nats for one, less in zip(options, short, strict=True)}
                 best[k] = next((load for load in loads if far[id(load)] - far[id(best[k])] < ALIKE), best[k])
-            kept.append(
-                tuple(
-                    one
-                    for one, less in zip(others, short[1:], strict=True)
-                    if one.one_body
-                    or less.nats - short[0].nats < THRESHOLD
-                    or less.share - short[0].share < ALIKE_SHARE
-                )
+            alike = tuple(
+                one
+                for one, less in zip(others, short[1:], strict=True)
+                if one.one_body or less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
             )
+            if best[k].effect == "link_flexibility" and best[k].row.values["at"] <= AT_JOINT:
+                # an arm that bends where its joint is has a bearing that gives
+                best[k] = next((one.found for one in alike if one.found.key == (BEARING, best[k].at)), best[k])
+            kept.append(alike)
         changed = any(one is not other for one, other in zip(best, found, strict=True))
         return kept, tuple(best) if changed else None
 

@@ -24,7 +24,7 @@ from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import FAR, problem
-from mbexport.core.diagnosis.refine import bounds_of, left_with, refined, removal, stiffened, vanished
+from mbexport.core.diagnosis.refine import SHORTEST_PART, bounds_of, left_with, refined, removal, stiffened, vanished
 from mbexport.core.diagnosis.resonance import springs
 from mbexport.core.diagnosis.search import (
     Contender,
@@ -39,7 +39,7 @@ from mbexport.core.diagnosis.search import (
     search,
     without_bodies,
 )
-from mbexport.core.diagnosis.unseen import EARNS, Split, judged, splits
+from mbexport.core.diagnosis.unseen import EARNS, Short, Split, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
@@ -500,6 +500,24 @@ def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monk
         hung = dict.fromkeys(("x", "y", "z", *COLUMNS[4:]), 0.0) | {"mass": 0.1, "x": -0.2}
         twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
         _, better = judge.told_apart([arm], [(twin,)])
+        assert [item.effect for item in better or [arm]] == [name]
+
+
+def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypatch):
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    rigid = {column.name: column.default for column in effect_named("joint_compliance_6d").columns}
+    bearing = Found("joint_compliance_6d", 1, EffectRow(1, {**rigid, "krx": 800.0, "brx": 0.5}), 50.0)
+    for at, nats, name in (
+        (SHORTEST_PART, 3.0, "joint_compliance_6d"),
+        (0.4, 3.0, "link_flexibility"),
+        (SHORTEST_PART, 30.0, "link_flexibility"),
+    ):
+        short = (Short(0.0, 0.0), Short(nats, 0.05))
+        monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_, short=short: short)
+        bend = {"ku": 800.0, "kv": 900.0, "bu": 0.5, "bv": 0.5, "at": at}
+        arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
+        _, better = judge.told_apart([arm], [(Alike(bearing, 0.0, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
 
 
