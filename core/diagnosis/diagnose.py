@@ -46,8 +46,9 @@ from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
 from .scores import scores
-from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, rows_of, search
+from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, prune, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .stiffening import SPRINGS
 from .stiffer import straightened
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, variable_in_words
@@ -106,6 +107,8 @@ FINEST = 1.0e-3
 FEWEST_ROWS, SHORTEST = 50, 0.5
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
+# how often noise is worked out anew from what was found
+HEARD = 2
 
 
 def diagnose(
@@ -198,14 +201,15 @@ class _Diagnosing:
         judge = Judge(self.database, self.level, self.backend, self.backends, self.tell, whole, whiten, ways, ready)
         fitted_on = ways[0].seen if holdout else tuple(range(len(ready)))
         seen, seen_whiten = whole.only(fitted_on), whiten.only(whole.evidence.places(fitted_on))
-        state = Search(seen, seen_whiten)
+        state = begun = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
         loud = before.chance < LEVEL and fitted.chance < HARDLY
         parts = blocks(seen.evidence)
         if judge.by_bands:
             loud = shows_in_band(state.left, parts)
-        state, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
+        state, judge, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
+        heard, heard_whiten = judge.whole, judge.whiten
         held, fit, names = self._named(state, judge, held)
         if fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
@@ -226,7 +230,7 @@ class _Diagnosing:
         form, against = judge.other_form(held), judge.contradicted(held)
         verdict = _verdict(held, gap or bool(unheld), form, against)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
-        alone = left_open and self._nearly_alone(seen, whole, whiten, ways[0], rows_of(held.found))
+        alone = left_open and self._nearly_alone(heard, heard_whiten, ways[0], rows_of(held.found))
         if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
             notes.append(UNSEEN)
         elif verdict == "unexplained" and not gap:
@@ -260,7 +264,7 @@ class _Diagnosing:
             effects=effects,
             corrected=with_effects(self.database, merged(self.database.effects, effects)),
             notes=tuple(notes),
-            scores=scores(state, {item.key: probability(item.gain, math.inf) for item in held.found}),
+            scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay) for overlay in held.overlays),
         )
 
@@ -284,10 +288,11 @@ class _Diagnosing:
         kind = "none" if suspect.exact else "all" if after.is_noise or part < OTHER_FORM else "half"
         return changed, after, kind
 
-    def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Held]:
-        """The search's end, and what of its findings holds."""
+    def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Judge, Held]:
+        """The search's end, what judged it, and what of its findings holds."""
         if looking:
             state = search(state, self._found_so_far)
+            state, judge = self._heard(state, judge)
         held, begun = judge.held(state.found), state
         # what holds on the runs that were fitted alone may stand in the way of what holds everywhere; and what bends
         # another finding's law, of what goes with that one as well
@@ -299,12 +304,33 @@ class _Diagnosing:
             if again.by > held.by + HELPS and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
-        return state, judge.closed_in_simulation(held, begun) if looking else held
+        return state, judge, judge.closed_in_simulation(held, begun) if looking else held
+
+    def _heard(self, state: Search, judge: Judge) -> tuple[Search, Judge]:
+        """The search gone on, and its judge, in units of the noise that the robot with what was found makes."""
+        count = len(judge.runs)
+        some = tuple(range(count)) if len(state.problem.evidence.runs) == count else judge.ways[0].seen
+        for _ in range(HEARD):
+            # what jumps from one side to the other makes no noise that any weight could be for
+            if not any(item.effect in SPRINGS for item in state.found):
+                break
+            whole = judge.whole.heard(rows_of(state.found))
+            if whole is judge.whole:
+                break
+            self.tell("what noise the robot makes with what was found")
+            whiten = judge.whiten.told_by(judge.whole.evidence, whole.evidence)
+            judge = replace(judge, whole=whole, whiten=whiten)
+            part = whole.only(some)
+            parts = blocks(part.evidence)
+            again = state.heard(part, whiten.only(whole.evidence.places(some)))
+            prune(again, state.found, refined(again.problem, again.whiten, state.found, parts), parts)
+            state = search(again, self._found_so_far)
+        return state, judge
 
     @staticmethod
-    def _nearly_alone(seen: Problem, whole: Problem, whiten: Whitening, way: Split, rows: Rows) -> bool:
+    def _nearly_alone(whole: Problem, whiten: Whitening, way: Split, rows: Rows) -> bool:
         """Whether the held-out runs show nearly all that rows leave: joints that stand are not compared."""
-        fitted = whiten.only(whole.evidence.places(way.seen))(seen.residual(rows))
+        fitted = whiten.only(whole.evidence.places(way.seen))(whole.only(way.seen).residual(rows))
         there = whiten.only(whole.evidence.places(way.unseen))(whole.only(way.unseen).residual(rows))
         loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, fitted))
         return len(there) > 0 and loud > 0.0 and quiet < NEARLY_STILL * loud

@@ -33,6 +33,8 @@ CREEP = 0.01
 # a joint that stands for so long rests [s]
 REST = 0.05
 SEED = 20131115
+# logarithm of the ratio up to which two estimates of noise are the same
+ALIKE = 0.2
 # samples until a coloured process is what it stays
 LEAD = 500
 # where every joint stands and its friction may bear anything, nothing can be compared along the motion
@@ -48,6 +50,27 @@ class Channel:
     index: int
     first: int
     last: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Voice:
+    """A robot that says what its sensors would have shown along a motion.
+
+    Attributes:
+        robot: Which one.
+        nominal: The robot as it is known.
+        creep: Speed below which joints stand, shape (n,).
+        stiffening: Which of its springs stiffen.
+    """
+
+    robot: Robot
+    nominal: Robot
+    creep: Vector
+    stiffening: Stiffening = ()
+
+    def says(self, run: Prepared) -> Said:
+        """What the sensors of a run would have shown."""
+        return said(self.robot, run, self.nominal, self.creep, self.stiffening)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,6 +117,43 @@ class Evidence:
         mix = self.mixes[channel.run].get(channel.index) if self.mixes and channel.signal == "u" else None
         return values if mix is None else values - mix * raw["tau"][channel.index]
 
+    def heard(self, robots: Sequence[Robot], stiffening: Stiffening = ()) -> Evidence:
+        """The same evidence in units of the noise that other robots make of what sensors say; itself where it is alike.
+
+        What rings makes many times its sensors' noise of it where it rings: there a robot that is known to ring is
+        known no better.
+
+        Args:
+            robots: With their effects, one a run.
+            stiffening: Which of their springs stiffen.
+        """
+        weights = np.ones_like(self.weights)
+        mixes: list[dict[int, Vector]] = []
+        asks: list[dict[int, float]] = []
+        for number, (run, robot) in enumerate(zip(self.runs, robots, strict=True)):
+            voice = Voice(robot, self.nominals[number], self.creeps[number], stiffening)
+            values = differences(run, voice.says(run))
+            noise, mix, asked = _noise(run, voice, values, self.masks[number])
+            mixes.append(mix)
+            asks.append(asked)
+            for channel in self.channels:
+                if channel.run == number:
+                    weights[channel.first : channel.last] = 1.0 / noise[channel.signal][channel.index]
+        if not np.all(np.isfinite(weights)) or np.all(np.abs(np.log(weights / self.weights)) < ALIKE):
+            return self
+        return replace(self, weights=weights, mixes=tuple(mixes), asks=tuple(asks))
+
+    def told_by(self, other: Evidence, values: Vector) -> Vector:
+        """In these units what is in those of the same evidence as it was heard otherwise, shape (N,) or (N, k)."""
+        raw = values.T / other.weights
+        starts = {(c.run, c.signal, c.index): c.first for c in self.channels}
+        for c in self.channels:
+            if c.signal == "u" and (c.run, "tau", c.index) in starts:
+                first = starts[c.run, "tau", c.index]
+                before, now = (one.mixes[c.run].get(c.index, 0.0) for one in (other, self))
+                raw[..., c.first : c.last] += (before - now) * raw[..., first : first + c.last - c.first]
+        return (raw * self.weights).T
+
     def places(self, chosen: Sequence[int]) -> NDArray[np.int64]:
         """Which coefficients belong to some of the runs."""
         parts = [np.arange(c.first, c.last) for c in self.channels if c.run in chosen]
@@ -121,7 +181,7 @@ class Evidence:
 
     def _raw(self, number: int, robot: Robot, stiffening: Stiffening) -> dict[str, list[Vector]]:
         run = self.runs[number]
-        speech = said(robot, run, self.nominals[number], self.creeps[number], stiffening)
+        speech = Voice(robot, self.nominals[number], self.creeps[number], stiffening).says(run)
         return coefficients(run, differences(run, speech), self.masks[number])
 
 
@@ -180,11 +240,11 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     asks: list[dict[int, float]] = []
     place = 0
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
-        speech = said(nominal, run, nominal, creep)
-        values = differences(run, speech)
+        voice = Voice(nominal, nominal, creep)
+        values = differences(run, voice.says(run))
         mask = _masks(run, values, creep, _sticking(nominal))
         masks.append(mask)
-        noise, mix, asked = _noise(run, nominal, values, mask, creep)
+        noise, mix, asked = _noise(run, voice, values, mask)
         mixes.append(mix)
         asks.append(asked)
         for signal, columns in noise.items():
@@ -255,7 +315,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
 
 
 def _noise(
-    run: Prepared, nominal: Robot, values: dict[str, Vector], masks: dict[str, Vector], creep: Vector
+    run: Prepared, voice: Voice, values: dict[str, Vector], masks: dict[str, Vector]
 ) -> tuple[dict[str, list[Vector]], dict[int, Vector], dict[int, float]]:
     """Standard deviation of every coefficient for a perfect model, and of "u" what is "tau" and what is asked for.
 
@@ -271,7 +331,7 @@ def _noise(
         # alike about all axes
         one = models["ee_rot"]
         models["ee_rot"] = replace(one, sigma=np.repeat(one.sigma, 3), ar=np.repeat(one.ar, 3, axis=0))
-    plain = said(nominal, run, nominal, creep).u
+    plain = voice.says(run).u
     asked, felt = np.zeros(run.run.n), np.zeros(run.run.n)
     for _ in range(DRAWS):
         extra = {name: sample(models[name], len(run.run.t), random) for name in names}
@@ -279,7 +339,7 @@ def _noise(
             between = _between_rows(run.run, run.told, random)
             extra |= between | {"tau": extra["tau"] + between["tau"]}
         other = prepared(run.run, run.band, extra)
-        speech = said(nominal, other, nominal, creep)
+        speech = voice.says(other)
         changed = differences(other, speech)
         if plain is not None and speech.u is not None:
             own = coefficients(run, {"u": speech.u - plain}, masks)["u"]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..build import assembled
 from ..database import Database, Tolerance
-from .evidence import ahead, coefficients
+from .evidence import Evidence, ahead, coefficients
 from .inverse import LIGHT
 from .problem import Problem
 
@@ -48,6 +48,14 @@ class Whitening:
         along = self.basis.T @ values
         less = (self.shrink - 1.0)[:, None] * along if along.ndim == 2 else (self.shrink - 1.0) * along
         return values + self.basis @ less
+
+    def undone(self, values: Vector) -> Vector:
+        """Numbers or columns as they were before they were whitened."""
+        return values + self.basis @ ((1.0 / self.shrink - 1.0) * (self.basis.T @ values).T).T
+
+    def told_by(self, before: Evidence, now: Evidence) -> Whitening:
+        """The same nuisances in the units of the same evidence as it is heard otherwise now."""
+        return _whitening(self.names, now.told_by(before, self.columns))
 
     def only(self, places: NDArray[np.int64]) -> Whitening:
         """The same nuisances, as some of the coefficients know them."""

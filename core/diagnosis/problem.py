@@ -79,6 +79,14 @@ class Problem:
         bodies = tuple(self.bodies[k] for k in sorted(chosen))
         return replace(self, bodies=bodies, evidence=self.evidence.only(chosen))
 
+    def heard(self, rows: Rows) -> Problem:
+        """The same question in units of the noise that a robot with these rows makes; itself where that is alike."""
+        try:
+            evidence = self.evidence.heard(self.robots(rows), stiffening_of(rows))
+        except MbexportError:
+            return self
+        return self if evidence is self.evidence else replace(self, evidence=evidence)
+
     def way(self) -> Vector:
         """The range of every joint's position over all runs [rad or m], shape (n,)."""
         return np.ptp(np.concatenate([run.q for run in self.evidence.runs]), axis=0)

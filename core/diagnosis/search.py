@@ -215,6 +215,24 @@ class Search:
         other.begin()
         return other
 
+    def heard(self, problem: Problem, whiten: Whitening) -> Search:
+        """A search from the beginning of the same question with its noise known better, that knows what this one does.
+
+        Args:
+            problem: The question as it is heard now.
+            whiten: Its nuisances.
+        """
+
+        def told(values: Vector) -> Vector:
+            return whiten(problem.evidence.told_by(self.problem.evidence, self.whiten.undone(values)))
+
+        other = Search(problem, whiten, first=self.first, scales=self.scales, banned=set(self.banned))
+        other.signatures = {name: (told(ahead), told(slope)) for name, (ahead, slope) in self.signatures.items()}
+        other.rung = {name: told(change) for name, change in self.rung.items()}
+        other.rung_beside = self.rung_beside
+        other.begin()
+        return other
+
     def take(self, found: Sequence[Found], fit: Refined) -> None:
         """These findings, as fitted."""
         self.found = [replace(item, row=fit.rows[item.key]) for item in found]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import KD, KP, command, pendulum_run
+from pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
@@ -13,6 +13,7 @@ from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import kinematics
 
 DATABASE = load("pendulum")
@@ -92,3 +93,42 @@ def test_where_the_tool_points_is_compared():
     assert len(left(np.zeros(3))) == 3
     assert max(left(np.zeros(3))) < 2.0
     assert max(left(np.array([1e-3, 0.0, 0.0]))) > 50.0
+
+
+def test_what_rings_is_known_no_better_than_what_it_makes_of_noise():
+    """A true spring that rings in the band makes many times the noise of its motor's position of it there."""
+    omega = 60.0
+    spring = {"stiffness": INERTIA * omega**2, "damping": 0.03}
+    asked = problem(DATABASE, "rigid", [soft_run(**spring, seed=seed) for seed in (1, 2)])
+    rows = {"joint_compliance": (EffectRow(1, spring),)}
+    heard = asked.heard(rows)
+
+    def squares(question, rows):
+        left = question.residual(rows)
+        return [float(np.mean(left[c.first : c.last] ** 2)) for c in question.evidence.channels]
+
+    assert min(squares(asked, rows)) > 20.0
+    assert max(squares(heard, rows)) < 1.5
+    assert min(squares(heard, {})) > 20.0
+    whiten = whitening(asked)
+    left = asked.residual(rows)
+    np.testing.assert_allclose(heard.evidence.told_by(asked.evidence, left), heard.residual(rows), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(whiten.undone(whiten(left)), left, rtol=1e-9, atol=1e-9)
+    again = whiten.told_by(asked.evidence, heard.evidence)
+    np.testing.assert_allclose(again(left), whitening(heard)(left), rtol=1e-6, atol=1e-6)
+    # what makes no more of noise than the robot as it is known
+    assert asked.heard({}) is asked
+    assert asked.heard({"torque_offset": (EffectRow(1, {"torque": 0.5}),)}) is asked
+
+
+def test_what_a_controller_asked_for_is_told_in_other_units_with_its_torque():
+    run = pendulum_run()
+    asked = problem(DATABASE, "rigid", [run])
+    assert {c.signal for c in asked.evidence.channels} == {"tau", "u"} and asked.evidence.mixes[0]
+    spring = {"stiffness": INERTIA * 60.0**2, "damping": 0.03}
+    heard = asked.heard({"joint_compliance": (EffectRow(1, spring),)})
+    offset = {"torque_offset": (EffectRow(1, {"torque": 0.5}),)}
+    columns = np.column_stack([asked.residual({}), asked.residual(offset)])
+    there = np.column_stack([heard.residual({}), heard.residual(offset)])
+    assert not np.allclose(there[:, 1], columns[:, 1], rtol=0.1)
+    np.testing.assert_allclose(heard.evidence.told_by(asked.evidence, columns), there, rtol=1e-9, atol=1e-9)
