@@ -107,7 +107,7 @@ def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_n
         given = [*runs(first, seeds=(1,)), *runs(second, seeds=(2,))]
         whole = problem(load("pendulum"), "rigid", given)
         way = Split((0,), (1,))
-        return diagnose._Diagnosing._nearly_alone(whole.only([0]), whole, whitening(whole), way, {})
+        return diagnose._Diagnosing._nearly_alone(whole, whitening(whole), way, {})
 
     def rubs(t, q, dq):
         return 0.4 * dq
