@@ -188,11 +188,7 @@ class Judge:
 
     def held(self, findings: Sequence[Found]) -> Held:
         """What of findings holds, in evidence and in simulation."""
-        found, unseen, dropped = self._kept(findings)
-        while (wild := self._wild(found, unseen)) is not None:
-            dropped = (*dropped, Rejected(wild.effect, wild.place, WILD))
-            found, unseen, more = self._kept([item for item in found if item is not wild])
-            dropped = (*dropped, *more)
+        found, unseen, dropped = self._tame(findings)
         failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
@@ -208,13 +204,21 @@ class Judge:
                         unseen, (how_far, overlays, after) = other, closer
                         continue
             dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
-            found, unseen, more = self._kept([item for item in found if item is not idle])
+            found, unseen, more = self._tame([item for item in found if item is not idle])
             dropped, numbers = (*dropped, *more), ()
             how_far, overlays, after = self._how_far(found, unseen)
         numbers = numbers if found and unseen.rows == _rows(found, numbers) else ()
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
         crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
         return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])
+
+    def _tame(self, findings: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
+        """What helps on runs that no fit saw and can be simulated there, its worth, and what was dropped."""
+        found, unseen, dropped = self._kept(findings)
+        while (wild := self._wild(found, unseen)) is not None:
+            found, unseen, more = self._kept([item for item in found if item is not wild])
+            dropped = (*dropped, Rejected(wild.effect, wild.place, WILD), *more)
+        return found, unseen, dropped
 
     def _needed(self, found: Sequence[Found]) -> set[tuple[str, int]]:
         """Keys of what gives before clamped outputs, without which nothing could move there."""

@@ -17,7 +17,7 @@ from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
-from mbexport.core.diagnosis.held import OTHER_LAW, Judge
+from mbexport.core.diagnosis.held import GONE, OTHER_LAW, WILD, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
@@ -41,6 +41,7 @@ from mbexport.core.diagnosis.search import (
 )
 from mbexport.core.diagnosis.unseen import EARNS, Short, Split, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
+from mbexport.core.errors import RefusedError
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
@@ -519,6 +520,30 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
         arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
         _, better = judge.told_apart([arm], [(Alike(bearing, 0.0, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
+
+
+def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
+    """A friction may be all that keeps a wrong delay from ringing up."""
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    late = Found("delay", 0, EffectRow(0, {"time": 0.02}), 50.0)
+    rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+
+    def how_far(self, found, unseen):
+        if list(found) == [late]:
+            raise RefusedError("the motion is no longer finite")
+        return SimpleNamespace(shrinks_by=0.5), (), None
+
+    monkeypatch.setattr(
+        Judge, "_kept", lambda self, found: (list(found), SimpleNamespace(gains=(1.0,) * len(found), rows=()), ())
+    )
+    monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)
+    monkeypatch.setattr(Judge, "_numbers", lambda *_, **__: ())
+    monkeypatch.setattr(Judge, "_how_far", how_far)
+    monkeypatch.setattr("mbexport.core.diagnosis.held._idle", lambda found, *_: rubs if rubs in found else None)
+    answer = judge.held([late, rubs])
+    assert answer.found == ()
+    assert [(item.effect, item.why) for item in answer.dropped] == [("viscous_friction", GONE), ("delay", WILD)]
 
 
 def test_a_robot_that_cannot_be_mimics_nothing():
