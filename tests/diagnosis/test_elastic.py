@@ -3,12 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio
 import pytest
 
+from mbexport.core.build import build
 from mbexport.core.database import load
+from mbexport.core.diagnosis.elastic import mass_matrix_among
 from mbexport.core.diagnosis.inverse import _gives
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.effects import EffectRow
+from mbexport.core.export import export
+from mbexport.core.kinematics import dynamics
+from mbexport.core.kinematics.rigid_body import place_joints
 
 from .pendulums import INERTIA, WEIGHT, soft_run
 
@@ -53,6 +59,24 @@ def test_an_arm_that_floats_in_its_clearance_is_caught_and_not_thrown(weight):
     assert left(gap) < 0.1 * min(left(0.7 * gap), left(1.3 * gap))
     rigid, caught = (np.abs(asked.spoken(rows(size))[0].tau).max() for size in (0.0, gap))
     assert caught < 5.0 * rigid
+
+
+@pytest.mark.parametrize(("name", "some"), [("arm7", [0, 3, 6]), ("scara", [1, 2]), ("puma560", [5])])
+def test_the_mass_matrix_among_some_joints_is_pinocchios(name, some, tmp_path):
+    """A sliding joint among them, and those before them still."""
+    robot = build(load(name), "rigid")
+    export(robot, ["urdf"], tmp_path)
+    model = pinocchio.buildModelFromUrdf(str(next(tmp_path.rglob("*.urdf"))))
+    data = model.createData()
+    q = np.random.default_rng(4).uniform(-1.0, 1.0, model.nq)
+    theirs = pinocchio.crba(model, data, q)
+    theirs = np.triu(theirs) + np.triu(theirs, 1).T
+    chain, n = dynamics(robot).table, robot.n
+    rotation, position = np.empty((n, 3, 3)), np.empty((n, 3))
+    place_joints(chain, q, rotation, position)
+    ours = np.empty((len(some), len(some)))
+    mass_matrix_among(chain, np.array(some), rotation, position, ours)
+    np.testing.assert_allclose(ours, theirs[np.ix_(some, some)], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("inertia", [1e-9, 0.0, -1.0])
