@@ -125,6 +125,17 @@ def _gone(fit: Refined, key: tuple[str, int], absent: EffectRow, own: Sequence[i
     return np.array([0.0 if name in _SHAPES else absent.values[name] - values[name] for name in names])
 
 
+def covariance_of(information: Vector) -> Vector:
+    """Inverse of an information matrix (k, k), whatever its units: no number is known from others but for rounding.
+
+    Plainly inverted, numbers that only their sum is known of come out with variances below 0.
+    """
+    size = np.sqrt(np.diagonal(information))
+    known, axes = np.linalg.eigh(information / np.outer(size, size))
+    least = len(known) * np.finfo(float).eps * np.max(known, initial=0.0)
+    return np.asarray((axes / np.maximum(known, least)) @ axes.T / np.outer(size, size), dtype=np.float64)
+
+
 def _precision(fit: Refined, own: Sequence[int]) -> Vector:
     """Inverse of the covariance of some numbers, whatever their units."""
     covariance = fit.covariance[np.ix_(own, own)]
@@ -283,9 +294,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     left = residual.at(x)
     jacobian = np.asarray(solution.jac)
     # what no run shows is known within a few times its size, for what would otherwise be anything
-    gram = jacobian.T @ jacobian + np.diag((TIMES * np.maximum(np.abs(x), 1.0)) ** -2.0)
-    scale = np.sqrt(np.diagonal(gram))
-    inverse = np.linalg.inv(gram / np.outer(scale, scale)) / np.outer(scale, scale)
+    inverse = covariance_of(jacobian.T @ jacobian + np.diag((TIMES * np.maximum(np.abs(x), 1.0)) ** -2.0))
     told = jacobian[: len(left)]
     known = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     resolved = np.diagonal(known @ (told.T @ told)) > RESOLVED

@@ -24,7 +24,16 @@ from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import FAR, problem
-from mbexport.core.diagnosis.refine import SHORTEST_PART, bounds_of, left_with, refined, removal, stiffened, vanished
+from mbexport.core.diagnosis.refine import (
+    SHORTEST_PART,
+    bounds_of,
+    covariance_of,
+    left_with,
+    refined,
+    removal,
+    stiffened,
+    vanished,
+)
 from mbexport.core.diagnosis.resonance import springs
 from mbexport.core.diagnosis.search import (
     Contender,
@@ -520,6 +529,21 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
         arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
         _, better = judge.told_apart([arm], [(Alike(bearing, 0.0, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
+
+
+def test_numbers_of_which_the_sum_alone_is_known_have_variances():
+    """In units far from each other, and known by so many rows that a prior is lost to rounding."""
+    for much in (1e6, 1e15, 1e18, 1e22):
+        both = np.array([[1.0, 1.0 - 1e-16], [1.0 - 1e-16, 1.0]])
+        units = np.array([1e-6, 1e4])
+        plain = much * both + 0.1 * np.eye(2)
+        covariance = covariance_of(plain / np.outer(units, units))
+        assert np.all(np.diagonal(covariance) > 0.0)
+        covariance /= np.outer(units, units)
+        assert np.all(np.isfinite(covariance))
+        assert much * np.sum(covariance) < 10.0
+        if much < 1e9:
+            np.testing.assert_allclose(covariance @ plain, np.eye(2), atol=1e-6)
 
 
 def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
