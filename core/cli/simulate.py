@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,7 @@ from .common import (
     build_robot,
     control_option,
     duration_option,
+    effects_of,
     force_option,
     json_option,
     level_options,
@@ -19,6 +21,9 @@ from .common import (
     print_json,
     rate_option,
 )
+
+if TYPE_CHECKING:
+    from ..representation import Robot
 
 EXAMPLE = """\b
 Examples:
@@ -69,7 +74,10 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Run a robot in one engine and write the run: what a simulated robot records."""
+    """Run a robot in one engine and write the run: what a simulated robot records.
+
+    With --with-effects the controller's feedforward knows the robot as its database stands, as a real one's does.
+    """
     from ..control import read_control, read_locked, read_noise, read_payload, read_signals, read_unit
     from ..effects import EffectRow, effect_named
     from ..errors import RefusedError, UsageError
@@ -78,6 +86,7 @@ def command(
 
     database = load_database(robot, with_effects)
     built = build_robot(database, level, with_)
+    known = _as_it_stands(robot, level, with_) if with_effects else built
     law = motion_named(built, motion, database=database)
     rules = read_control(control, built.n) if control else None
     if signals and not controller:
@@ -85,12 +94,14 @@ def command(
     unit = read_unit(controller, built.n, read_signals(signals) if signals else None) if controller else None
     hanging = read_payload(control) if control else {}
     if hanging:
-        built = effect_named("payload").apply(built, (EffectRow(0, hanging),))
+        built, known = (effect_named("payload").apply(one, (EffectRow(0, hanging),)) for one in (built, known))
     if control and read_locked(control):
         raise RefusedError(f"{control}: locked joints cannot be simulated; leave `locked` out to run the robot free.")
     if noise and control is None:
         raise UsageError("--noise takes its sizes from the log.yaml of --control; give one.")
-    trace = simulate(built, backend, law, rules, duration=duration, rate=rate, unit=unit, progress=on_terminal())
+    trace = simulate(
+        built, backend, law, rules, duration=duration, rate=rate, unit=unit, nominal=known, progress=on_terminal()
+    )
     if noise and control is not None:
         trace = trace.with_noise(read_noise(control, built.n), seed)
     if hanging:
@@ -107,3 +118,11 @@ def command(
         f"{output}: {len(trace.t)} samples; {facts['engine']} {facts['version']}, {facts['integrator']}, "
         f"step {facts['step']!r} s; tip at the end {x!r} {y!r} {z!r} m"
     )
+
+
+def _as_it_stands(robot: str, level: str | None, with_: str | None) -> Robot:
+    """The robot of the database alone, with those of the effects asked for that it has itself."""
+    database = load_database(robot, None)
+    asked = effects_of(level, with_)
+    own = None if asked is None else ",".join(name for name in asked if name in database.effects)
+    return build_robot(database, level, own)

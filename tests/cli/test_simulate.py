@@ -107,3 +107,30 @@ def test_a_motion_out_of_limits_is_told(mbexport, tmp_path):
     answer = mbexport("simulate", robot, "--backend", "mjcf", "--motion", "far", "-o", tmp_path / "run")
     assert answer.status == 0
     assert "joint_1 leaves its limits" in answer.out
+
+
+@pytest.mark.parametrize("feedforward", ["gravity", "inverse_dynamics"])
+def test_a_controller_does_not_know_what_only_with_effects_says(mbexport, tmp_path, feedforward):
+    """The load sags by what it weighs over kp; one that log.yaml declares, or the database has, does not."""
+    stiff = f"control: {{mode: pd, kp: [400], kd: [30], rate: 1000, feedforward: {feedforward}}}\n"
+    (tmp_path / "pd.yaml").write_text(stiff)
+    (tmp_path / "known.yaml").write_text(stiff + "payload: {mass: 2.0}\n")
+    (tmp_path / "more").mkdir()
+    (tmp_path / "more" / "payload.dat").write_text("robot mass\nrobot 2.0\n")
+    (tmp_path / "aside.dat").write_text("t q1\n" + "".join(f"{0.1 * k:.1f} 0.7\n" for k in range(11)))
+    words = ("simulate", "pendulum", "--backend", "mjcf", "--motion", tmp_path / "aside.dat", "--rate", "100")
+
+    def sag(folder, *more):
+        assert mbexport(*words, "-o", tmp_path / folder, *more).status == 0
+        _, rows = read(tmp_path / folder)
+        return float(rows[-1]["q_1"]) - float(rows[-1]["q_cmd_1"]), float(rows[-1]["tau_1"])
+
+    unknown, asked = sag("a", "--control", tmp_path / "pd.yaml", "--with-effects", tmp_path / "more")
+    none, alone = sag("b", "--control", tmp_path / "pd.yaml")
+    known, told = sag("c", "--control", tmp_path / "known.yaml")
+    assert abs(none) < 1e-3
+    assert abs(known) < 1e-3
+    assert abs(unknown) > 5e-3
+    # what the controller was not told of it bears by kp
+    assert unknown * -400.0 == pytest.approx(asked - alone, rel=0.05)
+    assert asked == pytest.approx(told, rel=0.05)
