@@ -12,9 +12,10 @@ import signal
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -23,6 +24,8 @@ from .errors import MbexportError, UsageError
 Given = TypeVar("Given")
 Given_contra = TypeVar("Given_contra", contravariant=True)
 Result = TypeVar("Result")
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 Result_co = TypeVar("Result_co", covariant=True)
 
 # tasks that wait at each place where one runs: enough that none idles, few enough to stop at once
@@ -56,6 +59,23 @@ def cores() -> int:
     # not everywhere
     affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def side_by_side(of: Callable[[Item], Made], items: Sequence[Item]) -> list[Made]:
+    """What a function makes of each item, in their order, in threads where there are cores to spare.
+
+    For functions that spend their time in compiled code, which leaves Python to others meanwhile. A process that itself
+    is one of several has none to spare.
+    """
+    threads = min(len(items), cores())
+    if threads < 2 or multiprocessing.parent_process() is not None:
+        return [of(item) for item in items]
+    return list(_threads().map(of, items))
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(cores(), "side_by_side")
 
 
 def check_options(workers: int | None, dask: str | None) -> None:

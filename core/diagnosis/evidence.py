@@ -10,12 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parallel import side_by_side
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .inverse import Said, said
@@ -26,6 +28,8 @@ from .stiffening import Stiffening
 Vector = NDArray[np.float64]
 
 DRAWS = 4
+# one sample in so many may be left out of a transform
+FEW = 200
 # neighbouring coefficients share their noise's estimate, over this part of the band at either side
 NEIGHBOURS = 0.04
 # a joint stands below this part of its own highest speed
@@ -106,7 +110,11 @@ class Evidence:
             robots: With their effects.
             stiffening: Which of their springs stiffen.
         """
-        return self.weighed([self._raw(number, robot, stiffening) for number, robot in enumerate(robots)])
+
+        def raw(number: int) -> dict[str, list[Vector]]:
+            return self._raw(number, robots[number], stiffening)
+
+        return self.weighed(side_by_side(raw, range(len(robots))))
 
     def weighed(self, raw: Sequence[Mapping[str, Sequence[Vector]]]) -> Vector:
         """Coefficients of every run's signals in units of noise, shape (N,)."""
@@ -214,14 +222,38 @@ def coefficients(run: Prepared, values: dict[str, Vector], masks: dict[str, Vect
     """Cosine coefficients of each channel below the band."""
     fft: Any = import_module("scipy.fft")
 
-    m = len(run.t)
-    kept = max(4, int(2.0 * run.band * m * run.h))
+    m, kept = _transformed(run), len(frequencies_of(run))
     out: dict[str, list[Vector]] = {}
     for name, series in values.items():
         # a channel's samples beside each other are transformed several times as fast
-        spectrum = np.asarray(fft.dct((series * masks[name]).T.copy(), type=2, norm="ortho", axis=1))
+        spectrum = np.asarray(fft.dct((series * masks[name])[:m].T.copy(), type=2, norm="ortho", axis=1))
         out[name] = list(spectrum[:, :kept])
     return out
+
+
+def frequencies_of(run: Prepared) -> Vector:
+    """Of the coefficients of a run's channels that are compared [Hz]."""
+    m = _transformed(run)
+    return np.arange(max(4, int(2.0 * run.band * m * run.h))) / (2.0 * m * run.h)
+
+
+def _transformed(run: Prepared) -> int:
+    """How many samples are: the last few of an awkward number would take several times as long as all others."""
+    m = len(run.t)
+    return min(range(m - m // FEW, m + 1), key=lambda count: (_largest_factor(count), -count))
+
+
+@cache
+def _largest_factor(number: int) -> int:
+    """The largest prime factor of a number."""
+    factor, largest = 2, 1
+    while number > 1:
+        if factor * factor > number:
+            return max(largest, number)
+        while number % factor == 0:
+            number, largest = number // factor, factor
+        factor += 1
+    return largest
 
 
 def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:

@@ -23,6 +23,7 @@ from .inverse import Said
 from .model import Rows
 from .prepare import Prepared
 from .problem import Problem
+from .waves import Angle, periodic
 
 Vector = NDArray[np.float64]
 Values = dict[str, float]
@@ -40,8 +41,6 @@ FINEST_CYCLES = 0.25
 MOST_CYCLES: Mapping[JointKind, float] = {"revolute": 400.0, "prismatic": 8000.0}
 # times the median power of all orders that a wave's is
 STANDS_OUT = 8.0
-# part that either half of a wave has by itself
-SINGLE = 0.01
 # part of a joint's torques that is no peak of noise
 NEARLY_ALL = 0.999
 _WAVES = ("transmission_error", "torque_ripple")
@@ -598,32 +597,13 @@ def _peaks(power: Vector, grid: Vector, way: float) -> list[float]:
 
 
 def _periodic(problem: Problem, left: Sequence[Vector], i: int, grid: Vector, *, itself: bool, second: bool) -> Vector:
-    """Energy that a wave of each number of cycles a turn takes of what is left of every run (m, n) at joint i, (g,).
-
-    The wave itself, its second derivative in time, or both; one amplitude and one phase of each for all runs, a mean
-    for every run (Zechmeister and Kuerster 2009).
-    """
-    count = 2 * (itself + second)
-    normal, moment = np.zeros((len(grid), count, count)), np.zeros((len(grid), count))
+    """Energy that a wave of each number of cycles a turn takes of what is left of every run (m, n) at joint i, (g,)."""
+    angles: list[Angle] = []
     for run, values in zip(problem.evidence.runs, left, strict=True):
         # as many samples as the band needs
         every = max(1, int(1.0 / (8.0 * run.band * run.h)))
-        r, q, dq, ddq = (x[::every, i] for x in (values, run.q, run.dq, run.ddq))
-        if not np.any(r):
-            continue
-        wave: NDArray[np.complex128] = np.exp(1j * np.outer(grid, q))
-        parts = [wave] if itself else []
-        if second:
-            parts.append(wave * (1j * ddq - grid[:, None] * dq**2) * grid[:, None])
-        columns = np.stack([half for part in parts for half in (part.real, part.imag)], axis=1)
-        columns -= columns.mean(axis=2, keepdims=True)
-        normal += columns @ columns.swapaxes(1, 2)
-        moment += columns @ (r - r.mean())
-    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-300))
-    # over a part of a wave its two halves are one
-    even = normal / (size[:, :, None] * size[:, None, :]) + SINGLE * np.eye(count)
-    moment /= size
-    return np.sum(moment * np.linalg.solve(even, moment[:, :, None])[:, :, 0], axis=1)
+        angles.append(Angle(*(x[::every, i] for x in (run.q, run.dq, run.ddq, values))))
+    return periodic(angles, grid, itself=itself, second=second)
 
 
 def _clear(power: Vector) -> float:

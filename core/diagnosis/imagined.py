@@ -18,7 +18,7 @@ from ..control.controller import feedforward_along
 from ..motion import MotionLaw
 from ..recording import Run
 from ..representation import Robot
-from .evidence import CREEP, REST, Channel, Evidence
+from .evidence import CREEP, REST, Channel, Evidence, frequencies_of
 from .inverse import said
 from .model import Rows
 from .prepare import HIGHEST_BAND, KEPT, Prepared
@@ -153,7 +153,7 @@ def _masks(plan: Prepared, creep: Vector, present: list[str]) -> dict[str, Vecto
 
 def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Channel, ...], Vector]:
     """Channels of the recorded runs, with the noise that these had at each frequency."""
-    f = _frequencies(plan)
+    f = frequencies_of(plan)
     power: dict[tuple[str, int], list[Vector]] = {}
     # an experiment is judged without orientations
     wanted = {(c.signal, c.index) for c in evidence.channels if c.run == place and c.signal != "ee_rot"}
@@ -162,7 +162,7 @@ def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Chan
             continue
         run = evidence.runs[channel.run]
         variance = run.h / evidence.weights[channel.first : channel.last] ** 2
-        known = _frequencies(run)
+        known = frequencies_of(run)
         # beyond what was compared, noise grows as that of accelerations does at most
         beyond = np.maximum(f / max(float(known[-1]), 1e-9), 1.0) ** 4
         level: Vector = np.asarray(np.interp(f, known, variance), dtype=float)
@@ -177,15 +177,9 @@ def _weights(evidence: Evidence, place: int, plan: Prepared) -> tuple[tuple[Chan
 
 def _mixes(evidence: Evidence, plan: Prepared) -> dict[int, Vector]:
     """What of the noise of "tau" is in "u" at each frequency, as in the recorded runs."""
-    f = _frequencies(plan)
+    f = frequencies_of(plan)
     found: dict[int, list[Vector]] = {}
     for run, mixes in zip(evidence.runs, evidence.mixes, strict=True):
         for joint, mix in mixes.items():
-            found.setdefault(joint, []).append(np.asarray(np.interp(f, _frequencies(run), mix), dtype=float))
+            found.setdefault(joint, []).append(np.asarray(np.interp(f, frequencies_of(run), mix), dtype=float))
     return {joint: np.mean(levels, axis=0) for joint, levels in found.items()}
-
-
-def _frequencies(run: Prepared) -> Vector:
-    """Of the coefficients that are compared [Hz]."""
-    m = len(run.t)
-    return np.arange(max(4, int(2.0 * run.band * m * run.h))) / (2.0 * m * run.h)

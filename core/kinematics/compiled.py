@@ -25,7 +25,7 @@ def compiled(module: str) -> Mapping[str, Callable[..., Any]]:
     names = dict(vars(text))
     functions = {name: value for name, value in names.items() if isinstance(value, FunctionType)}
     own = {name: value for name, value in functions.items() if value.__module__ == module}
-    compile_one = cast(Callable[[FunctionType], Callable[..., Any]], njit(cache=True, error_model="numpy"))
+    compile_one = cast(Callable[[FunctionType], Callable[..., Any]], njit(cache=True, nogil=True, error_model="numpy"))
     made = {
         # a copy that looks its callees up among the compiled ones; its code keeps file and line, by which Numba caches
         name: compile_one(FunctionType(value.__code__, names, name, value.__defaults__, value.__closure__))

@@ -64,7 +64,7 @@ def as_it_stands(function: Any) -> None:
 def compile_text(function: Any) -> Any:
     """A plain function compiled once a process, cached on disk between processes."""
     teach_numba()
-    return _numba().njit(cache=True)(function)
+    return _numba().njit(cache=True, nogil=True)(function)
 
 
 @cache
