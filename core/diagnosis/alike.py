@@ -71,7 +71,9 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     problem, whiten = before.problem, before.whiten
     parts = blocks(problem.evidence)
     others = [other for other in found if other is not item]
-    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales, banned=before.banned)
+    # a body is one under both of its names, even where one of them had been no body before others were found
+    twins = twins_of(problem) if item.key in twins_of(problem) else set[tuple[str, int]]()
+    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales, banned=before.banned - twins)
     if others:
         state.take(others, refined(problem, whiten, others, parts))
     else:

@@ -373,7 +373,8 @@ class _Diagnosing:
         fit = straightened(state.problem, state.whiten, kept.found, fit, parts)
         if numbers:
             far = bool(kept.numbers)
-            last = polished(state.problem, self.level, judge.runs, fit, self.backend, far=far) if every else numbers[0]
+            whole = (state.problem, self.level, judge.runs, fit, self.backend)
+            last = polished(*whole, far=far, known=judge.slopes) if every else numbers[0]
             fit = last or fit
         fit = in_one_turn(with_moments(state.problem, state.whiten, fit, parts))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
-from .polish import closing, polished
+from .polish import KnownSlopes, closing, polished
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
@@ -169,6 +169,7 @@ class Judge:
         whole, whiten: The question that all runs put, and its nuisances.
         ways: How runs are set apart.
         runs: All of them.
+        slopes: What runs simulated change by with numbers.
     """
 
     database: Database
@@ -180,6 +181,7 @@ class Judge:
     whiten: Whitening
     ways: Sequence[Split]
     runs: Sequence[Run]
+    slopes: KnownSlopes = field(default_factory=KnownSlopes)
 
     @property
     def by_bands(self) -> bool:
@@ -385,7 +387,9 @@ class Judge:
             part = self.whole.only(way.seen)
             there = [replace(item, row=row) for item, row in zip(found, old, strict=True)]
             fit = refined(part, self.whiten.only(self.whole.evidence.places(way.seen)), there, blocks(part.evidence))
-            number = polished(part, self.level, [self.runs[k] for k in way.seen], fit, self.backend, far=far)
+            number = polished(
+                part, self.level, [self.runs[k] for k in way.seen], fit, self.backend, far=far, known=self.slopes
+            )
             if number is None:
                 return ()
             numbers.append(number)

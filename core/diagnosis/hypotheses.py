@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -662,7 +663,19 @@ def _kinematic(problem: Problem, scales: Scales, name: str, at: int, known: Valu
         for column in ("alpha", "a", "theta", "d", "beta")
     ]
     every = {"alpha": angle, "a": length, "theta": angle, "d": length, "beta": angle}
-    return [*forms, _added(name, at, known, every, form="all")]
+    forms.append(_added(name, at, known, every, form="all"))
+    row = problem.row_at(name, at, {})
+    middle = row.values if row else defaults(name)
+    return [replace(form, values=partial(_near, problem, middle, form.values)) for form in forms]
+
+
+def _near(
+    problem: Problem, middle: Mapping[str, float], values: Callable[[Vector], Values | None], beta: Vector
+) -> Values | None:
+    """Numbers of an arm that is still that arm."""
+    out = values(beta) or {}
+    far = any(abs(value - middle[column]) > problem.farthest(column) for column, value in out.items())
+    return None if far else out
 
 
 def _tilt(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:

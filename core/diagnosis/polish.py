@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Any
 
@@ -55,12 +55,39 @@ MOST_OF_IT = 3.0
 PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
 LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
+# slopes hold for numbers up to so many of these steps away
+NEAR = 3.0
 # which is at least this, or what no run shows would be held by a weight beyond all numbers
 LEAST_SIZE = 1.0e-9
 
 
+class KnownSlopes:
+    """What runs' residuals change by with numbers, of fits to some of the runs each, which hardly differ."""
+
+    def __init__(self) -> None:
+        """Nothing known."""
+        self._known: dict[tuple[Run, Sequence[tuple[str, int, str]]], tuple[Vector, Vector]] = {}
+
+    def of(
+        self, run: Run, free: Sequence[tuple[str, int, str]], x: Vector, step: Vector, make: Callable[[], Vector]
+    ) -> Vector:
+        """A run's slopes at numbers x (k,), shape (m, channels, k): those at numbers a few steps off, or made."""
+        key = run, tuple(free)
+        known = self._known.get(key)
+        if known is None or np.any(np.abs(x - known[0]) > NEAR * step):
+            known = self._known[key] = x.copy(), make()
+        return known[1]
+
+
 def polished(
-    problem: Problem, level: str, runs: Sequence[Run], fit: Refined, backend: str, *, far: bool = False
+    problem: Problem,
+    level: str,
+    runs: Sequence[Run],
+    fit: Refined,
+    backend: str,
+    *,
+    far: bool = False,
+    known: KnownSlopes | None = None,
 ) -> Refined | None:
     """A fit with its numbers from simulation; None where that takes too long, cannot be, or gains nothing.
 
@@ -73,6 +100,7 @@ def polished(
         fit: Along their measured motion.
         backend: The engine.
         far: The numbers are expected to be far off.
+        known: Slopes of other fits of the same numbers, and of this one.
 
     Returns:
         The fit with other rows, and intervals that are wide enough for how the simulation's residual scatters.
@@ -94,6 +122,17 @@ def polished(
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
+    def at_once(x: Vector, now: Sequence[Vector]) -> list[Vector]:
+        memory = known or KnownSlopes()
+
+        def made(r: int) -> Vector:
+            def one(x: Vector) -> list[Vector]:
+                return _left(problem.database, level, [runs[r]], tables(rows_at(fit, x)), backend)
+
+            return _slopes(one, [now[r]], x, step, limits)[0]
+
+        return [memory.of(run, fit.free, x, step, partial(made, r)) for r, run in enumerate(runs)]
+
     late = next((k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"), None)
     rounds, parts = (ROUNDS, PARTS[:1]) if late is None and not far else (ROUNDS_FROM_AFAR, PARTS)
     try:
@@ -110,7 +149,7 @@ def polished(
         x, now = start, left(start)
         slopes: list[Vector] = []
         for _ in range(rounds):
-            slopes = _slopes(left, now, x, step, limits)
+            slopes = _slopes(left, now, x, step, limits) if far or late is not None else at_once(x, now)
             normal, gradient = _normal(loose, now, slopes, weight, x - start)
             way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
             better = _better(left, cost, cost(now, x), x, way, limits, parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -27,6 +28,8 @@ FAR = 1.0e3
 LEAST_CYCLES = 0.5
 # part of a wave that is one, on the whole way of its joint
 LEAST_WAVE = 0.75
+# an arm that is off by more [rad], or by more of all arms' length, is another robot's
+MOST_TURNED, MOST_MOVED = 0.5, 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,6 +89,14 @@ class Problem:
         except MbexportError:
             return self
         return self if evidence is self.evidence else replace(self, evidence=evidence)
+
+    def farthest(self, column: str) -> float:
+        """How far one of an arm's five numbers may be off [rad or m]."""
+        if column in ("alpha", "theta", "beta"):
+            return MOST_TURNED
+        tool = math.hypot(*self.database.tool.pose().xyz)
+        reach = tool + sum(math.hypot(*link.pose().xyz) for link in self.database.kinematics)
+        return MOST_MOVED * max(reach, 1e-2)
 
     def way(self) -> Vector:
         """The range of every joint's position over all runs [rad or m], shape (n,)."""

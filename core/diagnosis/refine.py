@@ -373,6 +373,10 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
     if (effect, name) == ("link_inertia", "mass"):
         # an arm has a mass
         low = max(low, -LIGHTEST * problem.database.inertias[at - 1].mass)
+    if effect == "kinematic_error":
+        known = problem.row_at(effect, at, {})
+        middle = known.values[name] if known else 0.0
+        low, high = middle - problem.farthest(name), middle + problem.farthest(name)
     return (low, high)
 
 

@@ -295,7 +295,16 @@ def _simulated(
         rate = max(FINE_RATE, run.rate) if control.mode == "motion" else ticks * control.rate
     duration = float(run.t[-1]) + (0.0 if on_clock else 1.0 / rate)
     trace = simulate(
-        robot, backend, law, control, duration=duration, rate=rate, step=step, start=start, nominal=nominal
+        robot,
+        backend,
+        law,
+        control,
+        duration=duration,
+        rate=rate,
+        step=step,
+        start=start,
+        nominal=nominal,
+        without=_unseen(run),
     )
     if on_clock:
         # rows that are missing in the record were simulated too
@@ -342,6 +351,7 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
             step=step,
             start=start,
             torque=torque,
+            without=_unseen(run),
         )
         pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run), held=True))
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
@@ -370,6 +380,12 @@ def held_torque(run: Run, times: Vector) -> Vector:
     given = np.floor(run.t * run.control.rate + EARLY) / run.control.rate
     at = np.searchsorted(given, times + ON_CLOCK, side="right") - 1
     return commanded[np.clip(at, 0, len(commanded) - 1)]
+
+
+def _unseen(run: Run) -> list[str]:
+    """What a simulation need not record: the run has nothing to hold it against."""
+    tool = run.has("ee") or run.has("ee_rot")
+    return [name for name, there in (("tau_link", run.has("tau_link")), ("tool", tool)) if not there]
 
 
 def _signals(trace: Trace, run: Run) -> dict[str, Vector]:

@@ -115,6 +115,11 @@ class Contender:
         return self.gain >= THRESHOLD and (self.explains >= LEAST_SHARE or self.closes >= MUCH)
 
     @property
+    def possible(self) -> bool:
+        """Whether there can be so much of it."""
+        return self.hypothesis.rows(self.beta) is not None
+
+    @property
     def worth(self) -> float:
         """What it explains, less for every number that it needs for that."""
         return self.explains / self.price
@@ -353,7 +358,8 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
 def _swapped(state: Search, parts: Sequence[Part]) -> bool:
     """Put another name in the place of a finding, where that says more or the same with less; whether there is one.
 
-    A cause is picked beside what was fitted by then: the largest alone may come before the one that goes with others.
+    A cause is picked beside what was fitted by then: the largest alone may come before the one that goes with others,
+    and one with more numbers before the plain one that says the same once the others are there.
     """
     if len(state.found) < 2:
         return False
@@ -369,9 +375,11 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
         beside.left = left_with(problem, whiten, rows_of(others))
         own = fit.numbers_of(item.key)
         beside.slope = np.delete(fit.slope, own, axis=1)
+        same = SIMPLER * (_energy(beside.left) - _energy(fit.left))
         for contender in contenders(beside, parts, sorted(names_of_one(problem, *item.key)))[:SWAPPED]:
             rows = contender.hypothesis.rows(contender.beta)
-            if rows is None or gained(fit.left, contender.left, sigma, parts) < -THRESHOLD:
+            as_much = contender.numbers < len(own) and _energy(contender.left) - _energy(fit.left) < same
+            if rows is None or (gained(fit.left, contender.left, sigma, parts) < -THRESHOLD and not as_much):
                 continue
             # more numbers of a finding that is there are no second one
             trial = _beside_or_more(others, [_found(contender, rows)])
@@ -382,7 +390,9 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
             dearer = THRESHOLD * (len(other.found) - len(state.found)) + 2.0 * (
                 other.slope.shape[1] - fit.slope.shape[1]
             )
-            if gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
+            plainer = other.slope.shape[1] < fit.slope.shape[1] and len(other.found) <= len(state.found)
+            as_much = plainer and _energy(other.left) - _energy(fit.left) < same
+            if as_much or gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
                 state.found, state.left, state.slope = other.found, other.left, other.slope
                 return True
     return False
@@ -453,7 +463,7 @@ def _picked(state: Search, parts: Sequence[Part], room: int, skip: Sequence[tupl
         ranking = ranked([fit for fit in fits if fit[0].key not in taken], left, parts, basis)
         if not state.first:
             state.first = ranking
-        good = sorted((one for one in ranking if one.earns), key=lambda one: -one.worth)
+        good = sorted((one for one in ranking if one.earns and one.possible), key=lambda one: -one.worth)
         if not good:
             break
         best = _likeliest(good, twins_of(state.problem))

@@ -12,7 +12,7 @@ from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.polish import _Loose, _scatter, closing, polished
+from mbexport.core.diagnosis.polish import KnownSlopes, _Loose, _scatter, closing, polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
@@ -153,3 +153,34 @@ def test_few_blocks_of_time_know_little_of_how_they_scatter(seconds, t):
         _Loose.of([np.zeros((400, 1, 0))]), [left], [slope], [SimpleNamespace(duration=seconds)], np.zeros(1)
     )
     assert math.sqrt(said[0] / there) == pytest.approx(t / 1.95996, rel=1e-4)
+
+
+def test_slopes_of_nearly_the_same_numbers_are_taken_once(monkeypatch):
+    """Runs that other fits saw too are simulated for a fit's value alone, and its numbers come out the same."""
+    runs = [pendulum_run(against=lambda t, q, dq: 0.2 * dq, seed=seed) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.2}), 50.0)
+    fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
+    asks: list[object] = []
+    simulate = polish.resimulated
+
+    def counted(*words):
+        asks.append(words)
+        return simulate(*words)
+
+    monkeypatch.setattr(polish, "resimulated", counted)
+    alone = polished(asked, "rigid", runs, fit, "mjcf")
+    first = len(asks)
+    known = KnownSlopes()
+    assert polished(asked, "rigid", runs, fit, "mjcf", known=known).rows == alone.rows
+    asks.clear()
+    near = replace(fit, rows={rubs.key: EffectRow(1, {"coefficient": fit.rows[rubs.key].values["coefficient"] + 1e-6})})
+    again = polished(asked, "rigid", runs, near, "mjcf", known=known)
+    assert len(asks) == first - len(runs)
+    assert again.rows[rubs.key].values["coefficient"] == pytest.approx(
+        alone.rows[rubs.key].values["coefficient"], rel=1e-4
+    )
+    asks.clear()
+    far = replace(fit, rows={rubs.key: EffectRow(1, {"coefficient": 0.1})})
+    polished(asked, "rigid", runs, far, "mjcf", known=known)
+    assert len(asks) >= first

@@ -11,6 +11,8 @@ from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, command, pen
 from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
+from mbexport.core.build import build
+from mbexport.core.control import default_pd
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
@@ -18,6 +20,7 @@ from mbexport.core.diagnosis.resimulate import compared, held_torque, residuals,
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import UsageError
 from mbexport.core.kinematics import dynamics
+from mbexport.core.simulation import simulate
 
 DATABASE = load("pendulum")
 
@@ -251,3 +254,17 @@ def test_nothing_is_compared_behind_a_gap_before_the_controller_has_caught_up():
     few[50:54] = False
     bridged = replace(run, t=run.t[few], signals={name: values[few] for name, values in run.signals.items()})
     assert np.isfinite(compared(bridged)["q"][:200]).all()
+
+
+@pytest.mark.parametrize("backend", ["urdf", "mjcf"])
+def test_what_nobody_looks_at_changes_nothing_else(backend):
+    """Friction that sticks, a spring and a delay remember; asking for less must not make them forget."""
+    arm = build(load("planar2r"), "full")
+    rules = replace(default_pd(arm), rate=400.0)
+    words = {"duration": 0.4, "rate": 400.0}
+    whole = simulate(arm, backend, "greca", rules, **words)
+    less = simulate(arm, backend, "greca", rules, **words, without=("tau_link", "tool"))
+    assert "tau_link" not in less.joints
+    assert np.isnan(less.tool_in_base).all()
+    for name, values in less.joints.items():
+        np.testing.assert_array_equal(values, whole.joints[name], err_msg=name)
