@@ -107,8 +107,14 @@ class Case:
     def classes(self) -> list[set[Name]]:
         """The names that are right for each true effect: its own, and those that would show the same."""
         if self.apart is None:
-            return [{name} for name in self.wanted]
+            return [{name, *self.one_body(name)} for name in self.wanted]
         return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in self.apart]
+
+    def one_body(self, name: Name) -> set[Name]:
+        """The other name of what hangs at the last arm, with any motion: a load, or that arm's inertia."""
+        arms = (self.truth.get("drawn") or {}).get("arms", ())
+        body = {("payload", "robot"), ("link_inertia", f"arm_{len(arms)}")}
+        return body if name in body else set()
 
     @property
     def distinct(self) -> bool:
@@ -174,7 +180,7 @@ class Case:
     def over_floor(self) -> float | None:
         """Held-out gap after in units of the noise floor, root mean square over the signals."""
         held = (self.said.get("how_far") or {}).get("holdout") or {}
-        after, noise = held.get("after") or {}, held.get("noise") or {}
+        after, noise = held.get("after") or {}, held.get("floor") or held.get("noise") or {}
         parts = [(after[name] / noise[name]) ** 2 for name in after if noise.get(name) and after[name] is not None]
         return math.sqrt(statistics.fmean(parts)) if parts else None
 

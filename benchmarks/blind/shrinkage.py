@@ -16,6 +16,9 @@ from apart import Asked, Scene, Track
 from design import as_simulated, law_of
 from world import COLUMN, World, simulate, world_of
 
+# a gap, in units of noise, that is one of rounding
+NOTHING = 1.0e-6
+
 
 def place_number(at: str) -> int:
     """0 for the robot, N for joint_N and arm_N."""
@@ -26,8 +29,9 @@ def corrected(recipe: dict, found: list[dict]) -> World:
     """The database's robot with rows replaced by what was found, as this example of it was drawn."""
     database = {effect: {at: dict(row) for at, row in rows.items()} for effect, rows in recipe["database"].items()}
     for finding in found:
-        values = {name: p["value"] for name, p in finding["parameters"].items() if p.get("value") is not None}
-        row = {name: float(value) for name, value in values.items()}
+        told = {name: p["value"] for name, p in finding["parameters"].items() if p.get("value") is not None}
+        # numbers that no run shows stand in the tables, and those that are shown go with them
+        row = {name: float(value) for name, value in (finding.get("row") or told).items()}
         database.setdefault(finding["effect"], {})[str(place_number(finding["at"]))] = row
     return world_of({**recipe, "database": database}, [], drawn=recipe["drawn"])
 
@@ -62,10 +66,15 @@ def signals(scene: Scene, other: World) -> list[np.ndarray]:
     return [(track.true.channel(name) - run.channel(name))[track.thin] / floor for name, floor in scene.floors.items()]
 
 
-def true_shrinkage(recipe: dict, found: list[dict]) -> tuple[float, float]:
-    """(1 - gap after / gap before, gap before in units of noise)."""
+def true_shrinkage(recipe: dict, found: list[dict]) -> tuple[float, float] | None:
+    """(1 - gap after / gap before, gap before in units of noise); None where the channels judged by show no gap.
+
+    In mode torque these are positions alone: what is wrong with a torque sensor moves none.
+    """
     before = gap(recipe, world_of(recipe, [], drawn=recipe["drawn"]))
+    if before < NOTHING:
+        return None
     after = gap(recipe, corrected(recipe, found)) if found else before
     if not math.isfinite(after):
         return -math.inf, before
-    return (1.0 - after / before if before > 0.0 else 0.0), before
+    return 1.0 - after / before, before

@@ -34,6 +34,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
                 "before": dict(how_far.before),
                 "after": dict(how_far.after),
                 "noise": dict(how_far.noise),
+                "floor": dict(how_far.floor),
                 "shrinks_by": how_far.shrinks_by,
                 "ci95": how_far.ci95,
                 "signals": dict(how_far.signals),

@@ -51,7 +51,7 @@ from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, un
 from .stiffening import SPRINGS
 from .stiffer import straightened
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
-from .words import cause_in_words, percent, variable_in_words
+from .words import cause_in_words, percent, place_in_words, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -94,6 +94,7 @@ CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
 )
+GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (
     "What rings near a joint for another reason, a mount under the base or a load that swings or sloshes, shows nearly "
@@ -251,7 +252,7 @@ class _Diagnosing:
                 if fit is not None
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
-            how_far=held.how_far,
+            how_far=held.how_far.as_heard or held.how_far,
             unexplained=_unexplained(verdict, after or before, held, form, against),
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
@@ -304,7 +305,7 @@ class _Diagnosing:
             if again.by > held.by + HELPS and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
-        return state, judge, judge.closed_in_simulation(held, begun) if looking else held
+        return state, judge, judge.without_growing(judge.closed_in_simulation(held, begun)) if looking else held
 
     def _heard(self, state: Search, judge: Judge) -> tuple[Search, Judge]:
         """The search gone on, and its judge, in units of the noise that the robot with what was found makes."""
@@ -340,7 +341,7 @@ class _Diagnosing:
         fit, names = self._names(state, held.found)
         names, better = judge.told_apart(held.found, names)
         if better is not None and (again := judge.held(better)).by > held.by - HARMS:
-            held = again
+            held = replace(again, growing=held.growing)
             fit, names = self._names(state, held.found)
             names, _ = judge.told_apart(held.found, names)
         return held, fit, names
@@ -487,7 +488,7 @@ def _verdict(held: Held, gap: bool, form: Bent | None, against: Along | None) ->
         against: What of the measured motion speaks against what holds.
     """
     if held.found:
-        return "explained" if (held.adequate or form) and not against else "partly_explained"
+        return "explained" if (held.adequate or form) and not (against or held.growing) else "partly_explained"
     return "unexplained" if gap else "no_gap"
 
 
@@ -511,7 +512,8 @@ def _finding(item: Found, kind: JointKind, gain: float, fit: Refined, others: Se
     rivals = tuple(Rival(one.found.effect, one.found.place, one.because) for one in others)
     # along unseen motions a delay is hardly told from stamps: simulation judged it there
     unseen = math.inf if item.effect == "delay" else gain
-    return Finding(item.effect, item.place, probability(item.gain, unseen), parameters, rivals)
+    row = {name: value for name, value in item.row.values.items() if math.isfinite(value)}
+    return Finding(item.effect, item.place, probability(item.gain, unseen), parameters, rivals, row)
 
 
 def probability(seen: float, unseen: float) -> float:
@@ -554,6 +556,9 @@ def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
 
 def _unexplained(verdict: Verdict, after: Gap, held: Held, form: Bent | None, against: Along | None) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
+    if held.growing:
+        joint = f"joint_{held.growing}"
+        return Unexplained(held.open, {joint: 1.0}, GROWS_SAID.format(joint=place_in_words(joint)))
     if against:
         return Unexplained(against.share, against.joints, LOOP_HIDES)
     if verdict == "no_gap" or held.open == 0.0:

@@ -108,13 +108,17 @@ class Rival:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """An effect that was found; names of the contract's catalogue or of a plugin; `at`: joint_N, arm_N or robot."""
+    """An effect that was found; names of the contract's catalogue or of a plugin; `at`: joint_N, arm_N or robot.
+
+    `row` is what its table holds, finite numbers that no run shows included: those that are shown go with them.
+    """
 
     effect: str
     at: str
     probability: float
     parameters: Mapping[str, Parameter]
     indistinguishable_from: tuple[Rival, ...] = ()
+    row: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +153,8 @@ class HowFar:
         backends: Backend -> shrinks_by re-simulated there.
         refused: Backend -> why it has none.
         without: Finding "effect at" -> shrinks_by with it taken out again (the edit test).
+        floor: Signal -> noise as it is known beforehand.
+        as_heard: The same by the noise as these very runs have it, where what is left may be no more; what is told.
     """
 
     before: Mapping[str, float]
@@ -161,6 +167,8 @@ class HowFar:
     backends: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
     refused: Mapping[str, str] = field(default_factory=dict[str, str])
     without: Mapping[str, float | None] = field(default_factory=dict[str, float | None])
+    floor: Mapping[str, float] = field(default_factory=dict[str, float])
+    as_heard: HowFar | None = None
 
 
 @dataclass(frozen=True, slots=True)

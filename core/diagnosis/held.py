@@ -24,7 +24,7 @@ from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
-from .polish import KnownSlopes, closing, polished
+from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
@@ -71,6 +71,9 @@ HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 PLAINLY = 0.2
 # part of an arm's length up to which it bends as good as at its joint: where a fit's lower bound is
 AT_JOINT = 1.1 * SHORTEST_PART
+GROWS = "with others it only follows a resistance that grows faster than with its joint's speed"
+# part of what Coulomb's friction lost that Stribeck's may have got more or less
+AS_MUCH, BESIDE_IT = 0.5, ("stribeck_friction", "viscous_friction")
 OTHER_LAW = "no more than what is left where the law of another finding at its joint has another form"
 # part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs; of what all
 # leave, the part that other forms of their laws may leave where no cause is missing
@@ -103,6 +106,7 @@ class Held:
         after: The gap that is left; None where nothing was found.
         numbers: Every split's fit with numbers from simulation, where it was by these that the findings hold; else ().
         by_bands: Nothing but the measured motion was simulated, so that bands know more than mean squares.
+        growing: Joint with a resistance that grows faster than with its speed, which no law of friction does; 0: none.
     """
 
     found: tuple[Found, ...]
@@ -114,6 +118,7 @@ class Held:
     after: Gap | None
     numbers: tuple[Refined, ...] = ()
     by_bands: bool = False
+    growing: int = 0
 
     @property
     def bends(self) -> set[tuple[str, str]]:
@@ -327,7 +332,7 @@ class Judge:
                 return [], held
             try:
                 how_far, overlays, after = self._how_far(
-                    held.found, replace(held.unseen, rows=_rows(held.found, numbers))
+                    held.found, replace(held.unseen, rows=_rows(held.found, numbers)), numbers
                 )
             except RefusedError:
                 return [], held
@@ -348,6 +353,32 @@ class Judge:
             rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped))
             return self.closer(rest) if rest.found else ([], rest)
         return list(numbers), rest
+
+    def without_growing(self, held: Held) -> Held:
+        """What holds without the friction that only follows, together, what grows faster than with a joint's speed.
+
+        Coulomb's is less than it was known to be by as much as Stribeck's is more, and there is more viscous friction:
+        near rest nothing has changed, and above it what they make together is bent upwards, as no friction is.
+        """
+        before = {
+            (name, row.at): row.values
+            for name in ("coulomb_friction", *BESIDE_IT)
+            for row in self.whole.known.get(name, ())
+        }
+        totals = {item.key: item.row.values for item in held.found}
+        for joint in range(1, self.database.n + 1):
+            laws = [(effect, joint) for effect in ("coulomb_friction", *BESIDE_IT)]
+            if laws[0] not in before or not all(law in totals for law in laws):
+                continue
+            less, more, faster = (
+                totals[law][name] - (before[law][name] if law in before else 0.0)
+                for law, name in zip(laws, ("torque", "torque", "coefficient"), strict=True)
+            )
+            if less < 0.0 < faster and abs(less + more) < AS_MUCH * -less:
+                rest = self.held([item for item in held.found if item.key not in laws[:2]])
+                gone = tuple(Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2])
+                return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
+        return held
 
     def other_form(self, held: Held) -> Bent | None:
         """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
@@ -422,6 +453,9 @@ class Judge:
                 for one, less in zip(others, short[1:], strict=True)
                 if one.one_body or less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
             )
+            if best[k].effect == "kinematic_error":
+                # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
+                best[k] = next((one.found for one in alike if one.found.effect == "encoder_offset"), best[k])
             if best[k].effect == "link_flexibility" and best[k].row.values["at"] <= AT_JOINT:
                 # an arm that bends where its joint is has a bearing that gives
                 best[k] = next((one.found for one in alike if one.found.key == (BEARING, best[k].at)), best[k])
@@ -533,14 +567,19 @@ class Judge:
             return False
         return True
 
-    def _how_far(self, found: Sequence[Found], unseen: Unseen) -> tuple[HowFar, tuple[Overlay, ...], Gap | None]:
-        """How far the gap shrinks where no fit saw it, and the gap that is left."""
+    def _how_far(
+        self, found: Sequence[Found], unseen: Unseen, numbers: Sequence[Refined] = ()
+    ) -> tuple[HowFar, tuple[Overlay, ...], Gap | None]:
+        """How far the gap shrinks where no fit saw it, and the gap that is left; with the splits' fits, if known."""
         folds = [
             Fold(
                 tuple(replace(item, row=row) for item, row in zip(found, rows, strict=True)),
                 tuple(self.runs[k] for k in way.unseen),
+                unsure(self.database, self.level, [self.runs[j] for j in way.seen], number, self.slopes)
+                if number
+                else {},
             )
-            for way, rows in zip(self.ways, unseen.rows, strict=True)
+            for way, rows, number in zip(self.ways, unseen.rows, numbers or [None] * len(self.ways), strict=True)
         ]
         answer, overlays = self._simulated(folds, bool(found))
         if not found:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,10 @@ Simulated = Mapping[str, Vector]
 
 # a gap is one where it stands two of its standard errors above none: its square stands one of its own above
 CLEAR = 1.0
+# how rarely a perfect model may leave what is taken for noise
+LEVEL = 0.01
+# part of what is left that is noise at least, where all of it may be
+LEAST = 0.1
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
 
 
@@ -34,10 +38,12 @@ class Fold:
     Attributes:
         found: In the order in which they were added, the same effects and places in every fold.
         runs: Held out.
+        unsure: Signal -> mean square that the uncertainty of their numbers makes in each of its channels, shape (n,).
     """
 
     found: tuple[Found, ...]
     runs: tuple[Run, ...]
+    unsure: Mapping[str, Vector] = field(default_factory=dict[str, Vector])
 
 
 def name_of(found: Found) -> str:
@@ -98,46 +104,54 @@ def how_far(
         # what a robot that cannot be simulated would have taken is the next one's share
         steps.append(step or steps[-1])
     steps += [simulated(whole, backend)] if names else []
-    shrunk = [_Shrunk(runs, noises, steps[0], step) for step in steps]
-    total = shrunk[-1]
-    without: dict[str, float | None] = {}
-    for k in whole:
-        rest = [j for j in whole if j != k]
-        one = some(rest) if k < len(names) - 1 else partly[-1] if partly else steps[0]
-        without[names[k]] = _Shrunk(runs, noises, steps[0], one).by() if one is not None else None
-    engines: dict[str, float | None] = {}
+    alone = {
+        names[k]: some([j for j in whole if j != k]) if k < len(names) - 1 else partly[-1] if partly else steps[0]
+        for k in whole
+    }
+    engines: dict[str, tuple[list[Simulated], list[Simulated]]] = {}
     refused: dict[str, str] = {}
     if any(run.locked for run in runs):
         # held against inverse dynamics along their motion
         refused = dict.fromkeys(backends or (backend,), "no engine holds the joints that are clamped in these runs")
     elif backend in backends or not backends:
-        engines[backend] = total.by()
+        engines[backend] = steps[0], steps[-1]
     for engine in (engine for engine in backends if engine != backend and engine not in refused):
         try:
-            before, after = simulated([], engine), simulated(whole, engine)
+            engines[engine] = simulated([], engine), simulated(whole, engine)
         except MbexportError as error:
             refused[engine] = str(error)
-        else:
-            engines[engine] = _Shrunk(runs, noises, before, after).by()
-    gaps = [float(one.after.gap()) for one in shrunk]
-    clear = total.by() is not None
-    answer = HowFar(
-        before={name: total.before.rms(name) for name in total.before.signals},
-        after={name: total.after.rms(name) for name in total.after.signals},
-        noise={name: total.before.noise(name) for name in total.before.signals},
-        shrinks_by=total.by(),
-        ci95=total.interval(),
-        signals={name: total.by(name) for name in total.before.signals},
-        by_effect=tuple(
+
+    def told(by: Sequence[Noise]) -> HowFar:
+        """The figures by these noises."""
+        shrunk = [_Shrunk(runs, noises, by, steps[0], step) for step in steps]
+        total = shrunk[-1]
+        gaps = [float(one.after.gap()) for one in shrunk]
+        without = {
+            name: None if one is None else _Shrunk(runs, noises, by, steps[0], one).by() for name, one in alone.items()
+        }
+        shares = (
             EffectShare(found.effect, found.place, (gaps[k] - gaps[k + 1]) / gaps[0])
             for k, found in enumerate(folds[0].found)
         )
-        if clear
-        else (),
-        backends=engines,
-        refused=refused,
-        without=without,
-    )
+        return HowFar(
+            before={name: total.before.rms(name) for name in total.before.signals},
+            after={name: total.after.rms(name) for name in total.after.signals},
+            noise={name: total.before.noise(name) for name in total.before.signals},
+            shrinks_by=total.by(),
+            ci95=total.interval(),
+            signals={name: total.by(name) for name in total.before.signals},
+            by_effect=tuple(shares) if total.by() is not None else (),
+            backends={name: _Shrunk(runs, noises, by, *both).by() for name, both in engines.items()},
+            refused=refused,
+            without=without,
+            floor={name: total.known.noise(name) for name in total.known.signals},
+        )
+
+    answer = told(noises)
+    if names:
+        unsure = [fold.unsure for fold in folds for _ in fold.runs]
+        heard = map(_heard, runs, noises, steps[-1], unsure)
+        answer = replace(answer, as_heard=told(list(heard)))
     overlays = tuple(
         Overlay(
             run.name,
@@ -155,25 +169,49 @@ def how_far(
     return answer, overlays
 
 
+def _heard(run: Run, noise: Noise, after: Simulated, unsure: Mapping[str, Vector]) -> Noise:
+    """The noise as a run has it: all that is left of a channel, where a perfect model may well leave as much.
+
+    A few seconds of coloured noise are a third louder or quieter than they are on average, and so are the tolerances of
+    one robot, which would count as a gap, or hide one. What the numbers found may be off by is none of it.
+    """
+    sigma = dict(noise.sigma)
+    for name, values in residuals(run, after).items():
+        there = np.isfinite(values).any(axis=0)
+        square = np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
+        may = there & (noise.chance(name, square) >= LEVEL)
+        own = np.maximum(square - unsure.get(name, 0.0), LEAST * square)
+        sigma[name] = np.where(may & (own > 0.0), np.sqrt(own), sigma[name])
+    return replace(noise, sensor=sigma, tolerance={name: np.zeros_like(one) for name, one in sigma.items()})
+
+
 class _Shrunk:
     """The gap of some runs before and after, with how both scatter."""
 
     def __init__(
-        self, runs: Sequence[Run], noises: Sequence[Noise], before: Sequence[Simulated], after: Sequence[Simulated]
+        self,
+        runs: Sequence[Run],
+        noises: Sequence[Noise],
+        heard: Sequence[Noise],
+        before: Sequence[Simulated],
+        after: Sequence[Simulated],
     ) -> None:
-        blocks = [
-            Blocks.of([residuals(run, one) for run, one in zip(runs, simulated, strict=True)], noises, runs)
-            for simulated in (before, after)
+        """Of noises as they are known, by which there is a gap or none, and as they were heard."""
+        left = [
+            [residuals(run, one) for run, one in zip(runs, simulated, strict=True)] for simulated in (before, after)
         ]
+        blocks = [Blocks.of(one, heard, runs) for one in left]
         self.before, self.after = (block.together() for block in blocks)
         self._noises = noises
+        known = Blocks.of(left[0], noises, runs)
+        self.known, self._scatters = known.together(), known.drawn()
         # the same blocks of both
         self._drawn: tuple[Sums, ...] = tuple(block.drawn() for block in blocks)
 
     def by(self, signal: str | None = None) -> float | None:
         """1 - gap after / gap before, of a signal or all; None where there is no clear gap before."""
         before = float(self.before.gap(signal))
-        if not before**2 > CLEAR * self._scatter(signal):
+        if not float(self.known.gap(signal)) ** 2 > CLEAR * self._scatter(signal) or not before > 0.0:
             return None
         return 1.0 - float(self.after.gap(signal)) / before
 
@@ -182,8 +220,8 @@ class _Shrunk:
 
         Of the square, because the gap itself cannot scatter below 0.
         """
-        names = self.before.signals if signal is None else (signal,)
-        blocks = np.mean([np.mean(self._drawn[0].relative(name), axis=-1) for name in names], axis=0)
+        names = self.known.signals if signal is None else (signal,)
+        blocks = np.mean([np.mean(self._scatters.relative(name), axis=-1) for name in names], axis=0)
         # channels of one signal are off together
         known = 0.0
         for name in names:

@@ -78,6 +78,38 @@ class KnownSlopes:
             known = self._known[key] = x.copy(), make()
         return known[1]
 
+    def there(self, run: Run, free: Sequence[tuple[str, int, str]]) -> Vector | None:
+        """A run's slopes with numbers, shape (m, channels, k); None where none were taken."""
+        known = self._known.get((run, tuple(free)))
+        return None if known is None else known[1]
+
+
+def unsure(database: Database, level: str, runs: Sequence[Run], fit: Refined, known: KnownSlopes) -> dict[str, Vector]:
+    """Mean square that the uncertainty of a fit's numbers makes in each channel of a run like those that were fitted.
+
+    Args:
+        database: The robot's.
+        level: Of the nominal model.
+        runs: That were fitted.
+        fit: Its numbers, with their covariance.
+        known: What these runs change by with them.
+
+    Returns:
+        Signal -> (n,), SI; {} where no slopes are known.
+    """
+    squares: dict[str, list[Vector]] = {}
+    for run in runs:
+        slopes = known.there(run, fit.free)
+        if slopes is None:
+            return {}
+        sensor, first = noise_floor(database, level, run).sensor, 0
+        each = np.einsum("mck,kl,mcl->c", slopes, fit.covariance, slopes, optimize=True) / len(slopes)
+        for name in sorted(compared(run)):
+            last = first + len(sensor[name])
+            squares.setdefault(name, []).append(each[first:last] * np.square(sensor[name]))
+            first = last
+    return {name: np.mean(some, axis=0) for name, some in squares.items()}
+
 
 def polished(
     problem: Problem,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pendulums import pendulum_run
@@ -81,3 +83,42 @@ def test_a_part_of_the_findings_that_cannot_be_simulated_costs_no_answer(monkeyp
     assert [one.shrinks_by for one in answer.by_effect] == pytest.approx([0.0, answer.shrinks_by])
     assert answer.without["viscous_friction joint_1"] is None
     assert answer.without["coulomb_friction joint_1"] is not None
+
+
+def test_noise_that_is_louder_than_on_average_is_no_gap():
+    """What is told goes by the noise of the very run: coloured noise of seconds is a third louder or quieter."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(3)
+    calm = pendulum_run("pd", lambda t, q, dq: 0.1 * dq, noise={"q": 1e-9, "tau": 1e-9})
+    sigma, memory = 0.02, 0.97
+    white = rng.normal(size=(len(calm.t) + 500, 1)) * sigma * np.sqrt(1.0 - memory**2)
+    tau = calm.signals["tau"] + lfilter([1.0], [1.0, -memory], white, axis=0)[500:]
+    run = replace(calm, signals=dict(calm.signals) | {"tau": tau}, noise={"tau": np.array([sigma])})
+    exact = Fold((found("viscous_friction", coefficient=0.1),), (run,))
+    plain, _ = how_far(DATABASE, "rigid", [exact], "mjcf")
+    told = plain.as_heard
+    # the record is this much louder than it is said to be, and no more of it is a gap
+    assert told.after["tau"] == plain.after["tau"]
+    assert told.noise["tau"] == pytest.approx(plain.after["tau"], rel=1e-6)
+    assert told.signals["tau"] == pytest.approx(1.0, abs=1e-6)
+    assert abs(plain.signals["tau"] - 1.0) > 1e-3 or plain.noise["tau"] > plain.after["tau"]
+    # a tenth of the friction that is missing is far more than that
+    wrong = Fold((found("viscous_friction", coefficient=0.05),), (run,))
+    half = how_far(DATABASE, "rigid", [wrong], "mjcf")[0].as_heard
+    assert half.signals["tau"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_what_numbers_may_be_off_by_is_told_as_gap():
+    """As much as the interval of a number makes is left, in expectation, of a gap that it closes."""
+    run = pendulum_run("pd", lambda t, q, dq: 0.4 * dq)
+    known, _ = how_far(DATABASE, "rigid", [Fold((VISCOUS,), (run,))], "mjcf")
+    assert known.as_heard.signals["tau"] == pytest.approx(1.0, abs=1e-6)
+    # a tenth of a noise's power, and in the other channel none
+    unsure = {"q": np.array([0.0]), "tau": np.array([0.1 * known.after["tau"] ** 2])}
+    doubted, _ = how_far(DATABASE, "rigid", [Fold((VISCOUS,), (run,), unsure)], "mjcf")
+    assert doubted.shrinks_by == known.shrinks_by
+    assert doubted.as_heard.signals["q"] == pytest.approx(known.as_heard.signals["q"])
+    gap = np.sqrt(known.before["tau"] ** 2 - 0.9 * known.after["tau"] ** 2)
+    expected = 1.0 - np.sqrt(0.1) * known.after["tau"] / gap
+    assert doubted.as_heard.signals["tau"] == pytest.approx(expected, abs=1e-6)
