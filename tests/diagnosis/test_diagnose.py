@@ -10,11 +10,11 @@ import pytest
 
 import mbexport
 from mbexport.core.control import Control
-from mbexport.core.database import load
+from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
-from mbexport.core.diagnosis.held import NOT_EXCITED, Judge, _idle
+from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.search import Found, Search
@@ -333,3 +333,49 @@ def test_what_closes_a_gap_that_is_next_to_none_is_not_found(monkeypatch, energy
 
     monkeypatch.setattr("mbexport.core.diagnosis.held.closing", nearly_all)
     assert bool(judge._closing(held, state)) == found
+
+
+RUBS = {
+    "coulomb_friction": (EffectRow(1, FrozenMap({"torque": 0.08})),),
+    "viscous_friction": (EffectRow(1, FrozenMap({"coefficient": 0.02})),),
+}
+
+
+@pytest.mark.parametrize(
+    ("coulomb", "stribeck", "viscous", "growing"),
+    [
+        # a drag: as much at rest, and more with speed
+        (0.05, 0.03, 0.06, 1),
+        (0.05, 0.02, 0.06, 1),
+        # friction that falls off with speed, and no more of it
+        (0.05, 0.03, 0.01, 0),
+        (0.05, 0.001, 0.06, 0),
+        # more of everything
+        (0.10, 0.03, 0.06, 0),
+    ],
+)
+def test_what_grows_faster_than_with_speed_is_no_friction(monkeypatch, coulomb, stribeck, viscous, growing):
+    """Three laws of friction follow a drag to the last part, and none of them is its cause."""
+    database = replace(load("pendulum"), effects=FrozenMap(RUBS))
+    run = pendulum_run(duration=1.0)
+    asked = problem(database, "full", [run])
+    judge = Judge(database, "full", "mjcf", [], lambda _: None, asked, whitening(asked), [Split((0,), (0,))], [run])
+    rows = {
+        "coulomb_friction": {"torque": coulomb},
+        "stribeck_friction": {"torque": stribeck, "velocity": 0.5},
+        "viscous_friction": {"coefficient": viscous},
+    }
+    found = tuple(Found(effect, 1, EffectRow(1, values), 50.0) for effect, values in rows.items())
+    far = HowFar({}, {}, {}, 0.9, (0.8, 1.0), {})
+    held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
+    monkeypatch.setattr(Judge, "held", lambda _, kept: replace(held, found=tuple(kept)))
+    rest = judge.without_growing(held)
+    assert rest.growing == growing
+    if growing:
+        assert [item.effect for item in rest.found] == ["viscous_friction"]
+        assert [(item.effect, item.at) for item in rest.dropped] == [
+            ("coulomb_friction", "joint_1"),
+            ("stribeck_friction", "joint_1"),
+        ]
+    else:
+        assert rest is held

@@ -186,6 +186,44 @@ def test_a_name_that_says_more_beside_the_others_is_put_in_the_place_of_one_pick
     assert not _swapped(state, parts)
 
 
+def test_the_plain_name_takes_the_place_of_one_with_more_numbers_that_says_the_same():
+    """Friction that holds at once, taken for one that winds up a little first while something else was not fitted."""
+    asked = question(lambda t, q, dq: 0.3 * math.tanh(dq / 1e-3) + 0.4 * dq)
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    winds = {"torque": 0.3, "stiffness": 300.0, "slips": 8.0}
+    both = [
+        Found("hysteresis", 1, EffectRow(1, winds), 50.0, EffectRow(1, winds | {"torque": 1e-9})),
+        Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0, EffectRow(1, {"coefficient": 0.0})),
+    ]
+    state = Search(asked, whiten)
+    state.begin()
+    whole = float(state.left @ state.left)
+    state.take(both, refined(asked, whiten, both, parts))
+    before = float(state.left @ state.left)
+    assert _swapped(state, parts)
+    assert [item.effect for item in sorted(state.found, key=lambda one: one.effect)] == [
+        "coulomb_friction",
+        "viscous_friction",
+    ]
+    # more may be left than before, but next to nothing beside what it explains
+    assert float(state.left @ state.left) - before < 0.002 * whole
+
+
+def test_an_arm_that_is_far_off_is_no_effect():
+    """Half a radian, or a quarter of all arms' length: what is further off is another robot's."""
+    asked = question()
+    assert asked.farthest("theta") == 0.5
+    assert asked.farthest("a") == pytest.approx(0.25 * 0.5)
+    forms = [one for one in hypotheses(asked, {}, scales_of(asked, {}), []) if one.effect == "kinematic_error"]
+    theta = next(one for one in forms if one.form == "theta")
+    assert theta.rows(np.array([0.49])) is not None
+    assert theta.rows(np.array([0.51])) is None
+    assert refine.bounds_of(asked, "kinematic_error", 1, "theta") == (-0.5, 0.5)
+    length = next(one for one in forms if one.form == "a")
+    assert length.rows(np.array([0.12])) is not None
+    assert length.rows(np.array([-0.13])) is None
+
+
 def test_more_numbers_of_a_finding_in_the_place_of_another_are_no_second_one(monkeypatch):
     """Of an effect that may be found with some of its numbers."""
     asked = question()
@@ -529,6 +567,19 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
         arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
         _, better = judge.told_apart([arm], [(Alike(bearing, 0.0, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
+
+
+@pytest.mark.parametrize(("nats", "name"), [(3.0, "encoder_offset"), (30.0, "kinematic_error")])
+def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch, nats, name):
+    """Where runs that no fit saw tell them apart it is what they say."""
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05)))
+    none = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0)
+    arm = Found("kinematic_error", 1, EffectRow(1, none | {"theta": 0.01}), 50.0)
+    encoder = Found("encoder_offset", 1, EffectRow(1, {"offset": 0.01}), 50.0)
+    _, better = judge.told_apart([arm], [(Alike(encoder, 0.0, 0.0),)])
+    assert [item.effect for item in better or [arm]] == [name]
 
 
 def test_numbers_of_which_the_sum_alone_is_known_have_variances():
