@@ -88,17 +88,22 @@ def recorded(folder: Path) -> list[Path]:
 
 
 def mbexport(*words: str, folder: Path, cores: int | None = None) -> float:
-    """Wall time of one command [s], on all cores or the first few."""
-    chosen = sorted(os.sched_getaffinity(0))[:cores]
+    """Wall time of one command [s], on all cores or, where a system can say so, the first few."""
+    everywhere = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     began = time.perf_counter()
-    subprocess.run(
-        [Path(sys.executable).with_name("mbexport"), *words],
-        check=True,
-        capture_output=True,
-        cwd=folder,
-        env=os.environ | {"OMP_NUM_THREADS": "1"},
-        preexec_fn=lambda: os.sched_setaffinity(0, chosen),
-    )
+    try:
+        if everywhere:
+            os.sched_setaffinity(0, everywhere[:cores])
+        subprocess.run(
+            [Path(sys.executable).with_name("mbexport"), *words],
+            check=True,
+            capture_output=True,
+            cwd=folder,
+            env=os.environ | {"OMP_NUM_THREADS": "1"},
+        )
+    finally:
+        if everywhere:
+            os.sched_setaffinity(0, everywhere)
     return time.perf_counter() - began
 
 
@@ -120,7 +125,7 @@ def main() -> None:
                 which = json.loads((folder / answer / "diagnosis.json").read_text())["which"]
             found = ", ".join(f"{one['effect']} at {one['at']}" for one in which)
             share = f", {times[0] / times[-1]:.2f} times as fast as on one core ({times[0]:.1f} s)" if times[1:] else ""
-            print(f"{said:<22} {times[-1]:6.1f} s on {len(os.sched_getaffinity(0))} cores{share}: {found}", flush=True)
+            print(f"{said:<22} {times[-1]:6.1f} s on {os.cpu_count()} cores{share}: {found}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@
 
     python benchmarks/run.py [NAME ...]
 
-Without a name: startup, steps, scaling, sweep and agreement on two robots. Each is a process of its own, so that none
-warms the next one up. Exit status 1 where one fails.
+Without a name: startup, steps, scaling, sweep, agreement on two robots and diagnosis. Each is a process of its own, so
+that none warms the next one up. Exit status 1 where one fails.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ QUICK = {
     "scaling": (),
     "sweep": ("40",),
     "agreement": ("pendulum", "planar2r"),
+    "diagnosis": (),
 }
 
 
