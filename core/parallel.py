@@ -36,6 +36,8 @@ ANSWER_TIME = 10.0
 # callbacks of an engine may belong to its whole process, so tasks of one process take turns
 _TURN = threading.Lock()
 _work: Work[Any, Any] | None = None
+# what the names of threads begin with that work side by side
+_THREADS = "side by side"
 
 
 class Work(Protocol[Given_contra, Result_co]):
@@ -65,17 +67,18 @@ def side_by_side(of: Callable[[Item], Made], items: Sequence[Item]) -> list[Made
     """What a function makes of each item, in their order, in threads where there are cores to spare.
 
     For functions that spend their time in compiled code, which leaves Python to others meanwhile. A process that itself
-    is one of several has none to spare.
+    is one of several has none to spare, nor has a thread that is.
     """
     threads = min(len(items), cores())
-    if threads < 2 or multiprocessing.parent_process() is not None:
+    company = multiprocessing.parent_process() is not None or threading.current_thread().name.startswith(_THREADS)
+    if threads < 2 or company:
         return [of(item) for item in items]
     return list(_threads().map(of, items))
 
 
 @cache
 def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(cores(), "side_by_side")
+    return ThreadPoolExecutor(cores(), _THREADS)
 
 
 def check_options(workers: int | None, dask: str | None) -> None:

@@ -215,6 +215,9 @@ class Judge:
             dropped, numbers = (*dropped, *more), ()
             how_far, overlays, after = self._how_far(found, unseen)
         numbers = numbers if found and unseen.rows == _rows(found, numbers) else ()
+        if not found:
+            # nor may what simulation alone speaks against stand in the way of what it does not
+            failed |= {(item.effect, item.at) for item in dropped if item.why == GONE}
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
         crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
         return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
+from ..parallel import side_by_side
 from .fit import Linear, Part, blocks, edges_of, gained, linear, spread
 from .hypotheses import (
     GIVING,
@@ -545,25 +546,23 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
         state.scales = now
     # amounts stay those of the first round, for which signatures were worked out
     scales = replace(state.scales, residual=now.residual, turned=now.turned)
-    fits: list[Fitting] = []
     done = (item.key for item in state.found if item.effect not in PARTIAL)
     taken = [*done, *sorted(state.banned), *skip]
     numbers = _numbers(state.found)
     there = {item.key for item in state.found}
-    for hypothesis in hypotheses(problem, rows, scales, taken):
-        if hypothesis.key in there and not _more(hypothesis, numbers):
-            continue
-        name = (hypothesis.effect, hypothesis.at, hypothesis.form)
-        known = state.signatures.get(name)
-        if known is None:
-            signature = _signature(problem, hypothesis, rows, base)
-            if signature is None:
-                continue
+    named = {
+        (one.effect, one.at, one.form): one
+        for one in hypotheses(problem, rows, scales, taken)
+        if one.key not in there or _more(one, numbers)
+    }
+    new = [name for name in named if name not in state.signatures]
+    signatures = side_by_side(lambda name: _signature(problem, named[name], rows, base), new)
+    for name, signature in zip(new, signatures, strict=True):
+        if signature is not None:
             r0, slope = signature
-            known = (state.whiten(r0 - base), state.whiten(slope))
-            state.signatures[name] = known
-        fits.append((hypothesis, state.left + known[0], known[1]))
-    return fits
+            state.signatures[name] = state.whiten(r0 - base), state.whiten(slope)
+    known = ((one, state.signatures[name]) for name, one in named.items() if name in state.signatures)
+    return [(one, state.left + ahead, slope) for one, (ahead, slope) in known]
 
 
 def _more(hypothesis: Hypothesis, numbers: set[tuple[str, int, str]]) -> bool:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ..parallel import side_by_side
 
 Vector = NDArray[np.float64]
 
@@ -19,15 +19,25 @@ SMALL = 1.0e-2
 MISSED, NEXT_TO_NOTHING = 0.02, 1.0e-3
 
 
-def differences(of: Callable[[Vector], Vector], x: Vector, high: Vector) -> Vector:
-    """Change of a function's values (m,) with numbers x (k,), which go up to high, shape (m, k)."""
-    optimize: Any = import_module("scipy.optimize")
+def differences(of: Callable[[Vector], Vector], x: Vector, high: Vector, now: Vector | None = None) -> Vector:
+    """Change of a function's values (m,) with numbers x (k,), which go up to high, shape (m, k).
 
-    if not len(x):
-        return np.zeros((len(of(x)), 0))
+    Args:
+        of: The function; it is asked side by side.
+        x: The numbers.
+        high: Up to where they may go.
+        now: Its values there, if they are known.
+    """
+    there = of(x) if now is None else now
     step = PART * np.maximum(np.abs(x), SMALL)
     step = np.where(x + step > high, -step, step)
-    return np.asarray(optimize.approx_fprime(x, of, step), dtype=np.float64).reshape(-1, len(x))
+
+    def column(k: int) -> Vector:
+        moved = x.copy()
+        moved[k] += step[k]
+        return (of(moved) - there) / (moved[k] - x[k])
+
+    return np.array(side_by_side(column, range(len(x))), dtype=np.float64).reshape(len(x), len(there)).T
 
 
 class Sloped:
@@ -55,6 +65,6 @@ class Sloped:
             if missed <= max(MISSED * change, NEXT_TO_NOTHING * float(np.linalg.norm(now))):
                 return slopes
         # where it is, its values are known
-        slopes = differences(self.at, x, self._high)
+        slopes = differences(self._of, x, self._high, now)
         self._known = x.copy(), now, slopes
         return slopes

@@ -379,3 +379,25 @@ def test_what_grows_faster_than_with_speed_is_no_friction(monkeypatch, coulomb, 
         ]
     else:
         assert rest is held
+
+
+def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_the_fitted_runs(monkeypatch):
+    """Play that no fitted run crosses is an encoder's offset there, and is crossed where no fit saw it."""
+    run = pendulum_run(duration=1.0)
+    asked = problem(load("pendulum"), "rigid", [run])
+    judge = Judge(
+        load("pendulum"), "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), [Split((0,), (0,))], [run]
+    )
+    offset = Found("encoder_offset", 1, EffectRow(1, {"offset": 1e-3}), 500.0)
+    nothing = judge.held([])
+    assert nothing.failed == set()
+    worse = far(-0.2, {"encoder_offset joint_1": 0.0}, (-0.3, -0.1))
+    seen = replace(nothing.unseen, gains=(500.0,), rows=((offset.row,),))
+    monkeypatch.setattr(Judge, "_tame", lambda _, items: (list(items), seen if items else nothing.unseen, ()))
+    monkeypatch.setattr(Judge, "_numbers", lambda *_, **__: ())
+    answers = {True: (worse, (), None), False: (nothing.how_far, (), None)}
+    monkeypatch.setattr(Judge, "_how_far", lambda _, items, *__: answers[bool(items)])
+    held = judge.held([offset])
+    assert held.found == ()
+    assert [item.why for item in held.dropped] == ["no gain on held-out data"]
+    assert held.failed == {("encoder_offset", "joint_1")}
