@@ -95,7 +95,7 @@ def told_of(against, item):
     unseen = SimpleNamespace(rows=rows_of(judge, item), stiffened=1.0)
 
     def said(share, adequate=False):
-        return judge.other_form(SimpleNamespace(found=(item,), open=share, adequate=adequate, unseen=unseen))
+        return judge.other_form(SimpleNamespace(found=(item,), open=share, growing=0, adequate=adequate, unseen=unseen))
 
     return said
 
@@ -126,7 +126,7 @@ def test_what_is_left_of_a_wave_is_no_little():
 def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
     unseen = SimpleNamespace(stiffened=1.0)
-    return judge.contradicted(SimpleNamespace(found=(item,), adequate=adequate, unseen=unseen))
+    return judge.contradicted(SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen))
 
 
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
@@ -146,7 +146,7 @@ def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_s
 
 
 def test_a_cause_that_the_measured_motion_speaks_against_is_not_the_whole_one():
-    held, left = SimpleNamespace(found=(WAVE,), adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
+    held, left = SimpleNamespace(found=(WAVE,), growing=0, adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
     assert _verdict(held, True, None, None) == "explained"
     assert _verdict(held, True, None, left) == "partly_explained"
     open_still = _unexplained("partly_explained", None, held, None, left)
