@@ -26,6 +26,8 @@ Simulated = Mapping[str, Vector]
 CLEAR = 1.0
 # how rarely a perfect model may leave what is taken for noise
 LEVEL = 0.01
+# times the power that noise is thought to have from which more is left, however little is known of the noise
+MOST = 3.0
 # part of what is left that is noise at least, where all of it may be
 LEAST = 0.1
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
@@ -179,7 +181,7 @@ def _heard(run: Run, noise: Noise, after: Simulated, unsure: Mapping[str, Vector
     for name, values in residuals(run, after).items():
         there = np.isfinite(values).any(axis=0)
         square = np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
-        may = there & (noise.chance(name, square) >= LEVEL)
+        may = there & (noise.chance(name, square) >= LEVEL) & (square <= MOST * sigma[name] ** 2)
         own = np.maximum(square - unsure.get(name, 0.0), LEAST * square)
         sigma[name] = np.where(may & (own > 0.0), np.sqrt(own), sigma[name])
     return replace(noise, sensor=sigma, tolerance={name: np.zeros_like(one) for name, one in sigma.items()})

@@ -122,3 +122,14 @@ def test_what_numbers_may_be_off_by_is_told_as_gap():
     gap = np.sqrt(known.before["tau"] ** 2 - 0.9 * known.after["tau"] ** 2)
     expected = 1.0 - np.sqrt(0.1) * known.after["tau"] / gap
     assert doubted.as_heard.signals["tau"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_is_far_above_noise_is_a_gap_however_little_is_known_of_the_noise(monkeypatch):
+    """A servo whose torque's noise is hardly known has not all of its gap closed."""
+    from mbexport.core.diagnosis.noise import Noise
+
+    monkeypatch.setattr(Noise, "chance", lambda self, name, square: np.ones_like(square))
+    half = Fold((found("viscous_friction", coefficient=0.2),), (pendulum_run("pd", lambda t, q, dq: 0.4 * dq),))
+    answer, _ = how_far(DATABASE, "rigid", [half], "mjcf")
+    assert answer.as_heard.signals["tau"] == pytest.approx(0.5, abs=0.1)
+    assert answer.as_heard.noise["tau"] == pytest.approx(answer.floor["tau"])
