@@ -353,7 +353,7 @@ class Judge:
         if idle:
             rest = self.held([item for item in held.found if item.key not in idle])
             gone = tuple(Rejected(item.effect, item.place, GONE) for item in held.found if item.key in idle)
-            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped))
+            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped), growing=held.growing)
             return self.closer(rest) if rest.found else ([], rest)
         return list(numbers), rest
 

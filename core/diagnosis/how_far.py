@@ -14,6 +14,7 @@ from ..recording import Run
 from ..recording.run import MEASURED
 from .blocks import Blocks, Sums
 from .diagnosis import EffectShare, HowFar, Overlay
+from .gap import LEVEL
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .resimulate import compared, residuals, resimulated
@@ -24,9 +25,7 @@ Simulated = Mapping[str, Vector]
 
 # a gap is one where it stands two of its standard errors above none: its square stands one of its own above
 CLEAR = 1.0
-# how rarely a perfect model may leave what is taken for noise
-LEVEL = 0.01
-# times the power that noise is thought to have from which more is left, however little is known of the noise
+# by which factor what is left may differ from noise's known power and be all of it, however little is known of that
 MOST = 3.0
 # part of what is left that is noise at least, where all of it may be
 LEAST = 0.1
@@ -181,7 +180,9 @@ def _heard(run: Run, noise: Noise, after: Simulated, unsure: Mapping[str, Vector
     for name, values in residuals(run, after).items():
         there = np.isfinite(values).any(axis=0)
         square = np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
-        may = there & (noise.chance(name, square) >= LEVEL) & (square <= MOST * sigma[name] ** 2)
+        known = sigma[name] ** 2
+        near = (square <= MOST * known) & (square >= known / MOST)
+        may = there & near & (noise.chance(name, square) >= LEVEL)
         own = np.maximum(square - unsure.get(name, 0.0), LEAST * square)
         sigma[name] = np.where(may & (own > 0.0), np.sqrt(own), sigma[name])
     return replace(noise, sensor=sigma, tolerance={name: np.zeros_like(one) for name, one in sigma.items()})

@@ -148,24 +148,18 @@ def polished(
     start, sigma = _numbers(fit)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
+    def left_of(run: Run, x: Vector) -> Vector:
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend)
+
     def left(x: Vector) -> list[Vector]:
-        return _left(problem.database, level, runs, tables(rows_at(fit, x)), backend)
+        return [left_of(run, x) for run in runs]
 
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
-    def at_once(x: Vector, now: Sequence[Vector]) -> list[Vector]:
-        memory = known or KnownSlopes()
-
-        def made(r: int) -> Vector:
-            def one(x: Vector) -> list[Vector]:
-                return _left(problem.database, level, [runs[r]], tables(rows_at(fit, x)), backend)
-
-            return _slopes(one, [now[r]], x, step, limits)[0]
-
-        return [memory.of(run, fit.free, x, step, partial(made, r)) for r, run in enumerate(runs)]
-
     late = next((k for k, (effect, _, _) in enumerate(fit.free) if effect == "delay"), None)
+    # where numbers go far, or what is recorded jumps with them, each round has slopes of its own
+    memory = known if known and late is None and not far else KnownSlopes()
     rounds, parts = (ROUNDS, PARTS[:1]) if late is None and not far else (ROUNDS_FROM_AFAR, PARTS)
     try:
         before = loose.energy(left(start))
@@ -181,7 +175,10 @@ def polished(
         x, now = start, left(start)
         slopes: list[Vector] = []
         for _ in range(rounds):
-            slopes = _slopes(left, now, x, step, limits) if far or late is not None else at_once(x, now)
+            slopes = [
+                memory.of(run, fit.free, x, step, partial(_slopes, partial(left_of, run), one, x, step, limits))
+                for run, one in zip(runs, now, strict=True)
+            ]
             normal, gradient = _normal(loose, now, slopes, weight, x - start)
             way: Vector = np.asarray(-np.linalg.solve(normal, gradient), dtype=float)
             better = _better(left, cost, cost(now, x), x, way, limits, parts)
@@ -223,21 +220,21 @@ def closing(
     step = _step(start, sigma)
     limits = _limits(problem, fit, start)
 
-    def left(x: Vector) -> list[Vector]:
-        return _left(problem.database, level, runs, tables(rows_at(fit, x)), backend)
+    def left_of(run: Run, x: Vector) -> Vector:
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend)
 
     def steps(effects: Rows) -> float:
         return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
 
     most = STIFFER * steps(rows)
-    now = left(start)
-    own = _slopes(left, now, start, step, limits) if len(start) else [np.zeros((*one.shape, 0)) for one in now]
+    now = [left_of(run, start) for run in runs]
+    own = [_slopes(partial(left_of, run), one, start, step, limits) for run, one in zip(runs, now, strict=True)]
     energies: list[float] = []
     for option in options:
         try:
             if steps(merged(rows, option)) > most:
                 raise RefusedError("it would take too long")
-            there = _left(problem.database, level, runs, merged(rows, option), backend)
+            there = [_left(problem.database, level, run, merged(rows, option), backend) for run in runs]
         except RefusedError:
             energies.append(math.inf)
             continue
@@ -331,29 +328,22 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
-def _left(database: Database, level: str, runs: Sequence[Run], effects: Rows, backend: str) -> list[Vector]:
-    """Measured minus simulated of each run in units of noise, 0 where nothing was measured, shape (m, channels)."""
-    out: list[Vector] = []
-    for run in runs:
-        robot = robot_of(database, level, run, effects)
-        apart = residuals(run, resimulated(robot, robot_of(database, level, run), run, backend))
-        sigma = noise_floor(database, level, run).sensor
-        parts = [np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)]
-        out.append(np.column_stack(parts))
-    return out
+def _left(database: Database, level: str, run: Run, effects: Rows, backend: str) -> Vector:
+    """Measured minus simulated of a run in units of noise, 0 where nothing was measured, shape (m, channels)."""
+    robot = robot_of(database, level, run, effects)
+    apart = residuals(run, resimulated(robot, robot_of(database, level, run), run, backend))
+    sigma = noise_floor(database, level, run).sensor
+    return np.column_stack([np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)])
 
 
-def _slopes(
-    left: Callable[[Vector], list[Vector]], now: list[Vector], x: Vector, step: Vector, limits: Vector
-) -> list[Vector]:
-    """Change of what is left with each number, shape (m, channels, k) a run."""
-    columns: list[list[Vector]] = []
+def _slopes(left: Callable[[Vector], Vector], now: Vector, x: Vector, step: Vector, limits: Vector) -> Vector:
+    """Change of what is left of a run (m, channels) with each number, shape (m, channels, k)."""
+    slopes = np.zeros((*now.shape, len(x)))
     for k in range(len(x)):
         moved = x.copy()
         moved[k] += step[k] if x[k] + step[k] <= limits[k, 1] else -step[k]
-        by = float(moved[k] - x[k])
-        columns.append([(there - here) / by for there, here in zip(left(moved), now, strict=True)])
-    return [np.stack([column[r] for column in columns], axis=-1) for r in range(len(now))]
+        slopes[:, :, k] = (left(moved) - now) / float(moved[k] - x[k])
+    return slopes
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from mbexport.core.build import build
-from mbexport.core.cli.simulate import command as simulate_command
+from mbexport.core.cli import program
 from mbexport.core.control.gains import default_pd
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.database.write import folder_texts
@@ -89,8 +89,19 @@ def test_the_motion_is_a_table_that_simulate_takes(friction, tmp_path):
     t = np.linspace(0.0, law.duration, 500)
     assert np.allclose(law.at(t)[0], friction.law.at(t)[0], atol=1e-9)
     told = CliRunner().invoke(
-        simulate_command,
-        ["pendulum", "--backend", "mjcf", "--motion", str(file), "--rate", "100", "-o", str(tmp_path / "run")],
+        program,
+        [
+            "simulate",
+            "pendulum",
+            "--backend",
+            "mjcf",
+            "--motion",
+            str(file),
+            "--rate",
+            "100",
+            "-o",
+            str(tmp_path / "run"),
+        ],
     )
     assert told.exit_code == 0, told.output
 

@@ -133,3 +133,13 @@ def test_what_is_far_above_noise_is_a_gap_however_little_is_known_of_the_noise(m
     answer, _ = how_far(DATABASE, "rigid", [half], "mjcf")
     assert answer.as_heard.signals["tau"] == pytest.approx(0.5, abs=0.1)
     assert answer.as_heard.noise["tau"] == pytest.approx(answer.floor["tau"])
+
+
+def test_a_channel_without_noise_weighs_no_more_than_its_known_noise():
+    """What a simulation wrote and nobody disturbed is left at next to nothing: no sensor is as good."""
+    clean = pendulum_run("pd", lambda t, q, dq: 0.4 * dq, noise={"q": 0.0, "tau": 0.01})
+    run = replace(clean, noise={"q": np.array([2e-5]), "tau": np.array([0.01])})
+    answer, _ = how_far(DATABASE, "rigid", [Fold((VISCOUS,), (run,))], "mjcf")
+    assert answer.after["q"] < 0.1 * answer.floor["q"]
+    assert answer.as_heard.noise["q"] == pytest.approx(answer.floor["q"])
+    assert answer.as_heard.signals["q"] == pytest.approx(1.0)
