@@ -14,7 +14,17 @@ from .fit import blocks, gained, spread
 from .hypotheses import clamped, twins_of
 from .problem import Problem
 from .refine import Refined, refined
-from .search import ALIKE, ALIKE_SHARE, Contender, Found, Search, contenders, rows_of, without_bodies
+from .search import (
+    ALIKE,
+    ALIKE_SHARE,
+    Contender,
+    Found,
+    Search,
+    contenders,
+    never_slipping,
+    rows_of,
+    without_bodies,
+)
 from .stiffening import STIFFENING
 from .stiffer import stiffer
 
@@ -71,9 +81,8 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     problem, whiten = before.problem, before.whiten
     parts = blocks(problem.evidence)
     others = [other for other in found if other is not item]
-    # a body is one under both of its names, even where one of them had been no body before others were found
-    twins = twins_of(problem) if item.key in twins_of(problem) else set[tuple[str, int]]()
-    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales, banned=before.banned - twins)
+    # what could not be before others were found may be beside them
+    state = Search(problem, whiten, signatures=before.signatures, scales=before.scales, banned=before.banned)
     if others:
         state.take(others, refined(problem, whiten, others, parts))
     else:
@@ -115,7 +124,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         if one_body(problem, key, item.key):
             out.append(Alike(named, worse, leaves, one_body=True))
             continue
-        if without_bodies(problem, [named]):
+        if without_bodies(problem, [named]) or never_slipping(problem, [named]):
             continue
         # what leaves much less, or takes something else away, is no other name for it
         same = _cosine((state.left - fit.left) / sigma, (state.left - other.left) / sigma) > SAME

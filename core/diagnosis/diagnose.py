@@ -536,7 +536,7 @@ def _rejected(
         place = place_of(effect, at)
         if (effect, place) in said:
             continue
-        if (effect, at) in state.banned:
+        if (effect, at) in state.unreal:
             out.append(Rejected(effect, place, STUCK if effect == "hysteresis" else UNREAL))
         else:
             silent = contender.shows < NOTHING

@@ -78,7 +78,7 @@ NONE = 1.0e-6
 PARTIAL = ("kinematic_error", "link_inertia", "payload")
 # names that are tried in the place of several
 MOST_CONDENSED = 4
-# findings in whose place others are put, and how many are tried in that of one
+# findings in whose place others are put, and how many of the likeliest and of plainer ones are tried in that of one
 MOST_SWAPPED, SWAPPED = 3, 2
 # picks that may come to nothing once all their numbers are free
 MOST_FAILED = 3
@@ -182,7 +182,8 @@ class Search:
         alone: Sum of squares that a candidate left alone with all its numbers free, where that was tried.
         rung: What each spring that was tried changed when all were tried first.
         rung_beside: Rows of what was found by then.
-        banned: Effects and numbers of places that are out: they need a body that cannot exist, or did not hold.
+        banned: Effects and numbers of places that are out, for they did not hold.
+        unreal: Those that needed a body that cannot exist, or never slipped, beside what was found by then.
     """
 
     problem: Problem
@@ -199,6 +200,12 @@ class Search:
     rung: dict[tuple[str, int, str], Vector] = field(default_factory=dict[tuple[str, int, str], Vector])
     rung_beside: Rows = field(default_factory=dict[str, tuple[EffectRow, ...]])
     banned: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
+    unreal: set[tuple[str, int]] = field(default_factory=set[tuple[str, int]])
+
+    @property
+    def out(self) -> set[tuple[str, int]]:
+        """Effects and numbers of places that are not looked for."""
+        return self.banned | self.unreal
 
     def begin(self) -> None:
         """Nothing found."""
@@ -217,6 +224,7 @@ class Search:
             rung_beside=self.rung_beside,
         )
         known = (*(one.hypothesis for one in self.first), *self.found)
+        other.unreal = set(self.unreal)
         other.banned = self.banned | {item.key for item in known if (item.effect, item.place) in names}
         other.begin()
         return other
@@ -233,6 +241,7 @@ class Search:
             return whiten(problem.evidence.told_by(self.problem.evidence, self.whiten.undone(values)))
 
         other = Search(problem, whiten, first=self.first, scales=self.scales, banned=set(self.banned))
+        other.unreal = set(self.unreal)
         other.signatures = {name: (told(ahead), told(slope)) for name, (ahead, slope) in self.signatures.items()}
         other.rung = {name: told(change) for name, change in self.rung.items()}
         other.rung_beside = self.rung_beside
@@ -283,15 +292,15 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
         trial = _beside_or_more(before, picked)
         fit = refined(problem, whiten, trial, parts)
         fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
-        unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
+        unreal = without_bodies(problem, fitted) | never_slipping(problem, fitted)
         for bodies in (_embodied, at_points):
             if unreal and (other := bodies(problem, fitted, unreal)) is not None:
                 fit = refined(problem, whiten, other, parts)
                 trial, fitted = other, [replace(item, row=fit.rows[item.key]) for item in other]
-                unreal = without_bodies(problem, fitted) | _never_slipping(problem, fitted)
+                unreal = without_bodies(problem, fitted) | never_slipping(problem, fitted)
         if unreal:
             # what cannot exist is not there, and what never slips is a spring; the others try again
-            state.banned |= unreal
+            state.unreal |= unreal
             trial = [item for item in trial if item.key not in unreal]
             if trial:
                 prune(state, trial, refined(problem, whiten, trial, parts), parts)
@@ -335,7 +344,7 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         key, rows = hypothesis.key, hypothesis.rows(contender.beta)
         there = next((item for item in state.found if item.key == key), None)
         fuller = there is None or contender.numbers > len(free_columns(there.effect, there.row))
-        if rows is None or key in state.banned or not fuller or any(h.key == key for h in tried):
+        if rows is None or key in state.out or not fuller or any(h.key == key for h in tried):
             continue
         tried.append(hypothesis)
         if len(state.found) == 2 and state.alone.get(key, 0.0) > _best_alone(state):
@@ -360,7 +369,8 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
     """Put another name in the place of a finding, where that says more or the same with less; whether there is one.
 
     A cause is picked beside what was fitted by then: the largest alone may come before the one that goes with others,
-    and one with more numbers before the plain one that says the same once the others are there.
+    and one with more numbers before the plain one that says the same once the others are there. What could not be then
+    may be beside them.
     """
     if len(state.found) < 2:
         return False
@@ -377,16 +387,21 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
         own = fit.numbers_of(item.key)
         beside.slope = np.delete(fit.slope, own, axis=1)
         same = SIMPLER * (_energy(beside.left) - _energy(fit.left))
-        for contender in contenders(beside, parts, sorted(names_of_one(problem, *item.key)))[:SWAPPED]:
+        options = contenders(beside, parts, sorted(names_of_one(problem, *item.key)))
+        # before all of its numbers are free a plainer one may seem to leave more
+        near = _energy(fit.left) + CRUMB * (_energy(beside.left) - _energy(fit.left))
+        plain = [one for one in options if one.numbers < len(own) and _energy(one.left) < near]
+        better = [one for one in options[:SWAPPED] if gained(fit.left, one.left, sigma, parts) >= -THRESHOLD]
+        for contender in dict.fromkeys((*plain[:SWAPPED], *better)):
             rows = contender.hypothesis.rows(contender.beta)
-            as_much = contender.numbers < len(own) and _energy(contender.left) - _energy(fit.left) < same
-            if rows is None or (gained(fit.left, contender.left, sigma, parts) < -THRESHOLD and not as_much):
+            if rows is None:
                 continue
             # more numbers of a finding that is there are no second one
             trial = _beside_or_more(others, [_found(contender, rows)])
             other = Search(problem, whiten)
             prune(other, trial, refined(problem, whiten, trial, parts), parts)
-            if without_bodies(problem, other.found) or _stuck(problem, other.found) or not other.found:
+            unreal = without_bodies(problem, other.found) | never_slipping(problem, other.found)
+            if unreal or _stuck(problem, other.found) or not other.found:
                 continue
             dearer = THRESHOLD * (len(other.found) - len(state.found)) + 2.0 * (
                 other.slope.shape[1] - fit.slope.shape[1]
@@ -444,7 +459,7 @@ def at_points(problem: Problem, found: Sequence[Found], unreal: Collection[tuple
     return [point(item) if spread_out(item) else item for item in found] if any(map(spread_out, found)) else None
 
 
-def _never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+def never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
     """Hysteresis that slips nowhere on the way that its joint goes: a spring says the same with less."""
     loops = [item for item in found if item.effect == "hysteresis"]
     if not loops:
@@ -518,7 +533,7 @@ def beside(state: Search, found: Sequence[Found]) -> list[Found]:
     Each effect at a place once, the likeliest first, and every delay, of which a motion hardly knows.
     """
     problem, whiten, parts = state.problem, state.whiten, blocks(state.problem.evidence)
-    other = Search(problem, whiten, signatures=state.signatures, scales=state.scales, banned=set(state.banned))
+    other = Search(problem, whiten, signatures=state.signatures, scales=state.scales, banned=state.out)
     other.begin()
     if found:
         other.take(found, refined(problem, whiten, found, parts))
@@ -547,7 +562,7 @@ def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
     # amounts stay those of the first round, for which signatures were worked out
     scales = replace(state.scales, residual=now.residual, turned=now.turned)
     done = (item.key for item in state.found if item.effect not in PARTIAL)
-    taken = [*done, *sorted(state.banned), *skip]
+    taken = [*done, *sorted(state.out), *skip]
     numbers = _numbers(state.found)
     there = {item.key for item in state.found}
     named = {
@@ -747,7 +762,7 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
     loud = _loud(state)
     if state.scales is None or not loud:
         return []
-    options = springs(state.problem, rows_of(state.found), state.scales, {*state.banned, *skip})
+    options = springs(state.problem, rows_of(state.found), state.scales, {*state.out, *skip})
     tried = sorted(
         ((_energy(left), hypothesis, left) for hypothesis, left in _rung(state, options)),
         key=lambda one: (one[0], one[1].key, one[1].form),
