@@ -126,9 +126,9 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             continue
         if without_bodies(problem, [named]) or never_slipping(problem, [named]):
             continue
-        # what leaves much less, or takes something else away, is no other name for it
+        # what says much more, or takes something else away, is no other name for it
         same = _cosine((state.left - fit.left) / sigma, (state.left - other.left) / sigma) > SAME
-        if same and leaves > -ALIKE_SHARE and (worse < ALIKE or leaves < ALIKE_SHARE):
+        if same and (abs(worse) < ALIKE or abs(leaves) < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
 

@@ -16,7 +16,7 @@ from ..control.controller import feedforward_along
 from ..expansion import expanded
 from ..kinematics import Dynamics, dynamics, rigid_body
 from ..representation import Drive, FrictionModel, Robot, Sensor
-from ..simulation.compiled import as_it_stands, compile_text
+from ..simulation.compiled import as_it_stands, compile_text, uses_load
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
 from . import along, elastic
@@ -82,19 +82,14 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening:
     moved = _moved(_bodies(robot), run, stiffening)
     whole = expanded(robot, imposed=True)
     driven = list(whole.driven)
-    drives = _drives(whole.robot, whole.spread(creep, 1.0))
-    theta, dtheta, q, dq = moved.theta, moved.dtheta, moved.q, moved.dq
-    friction, on_arm = np.empty_like(q), np.empty_like(q)
-    drives.reset(_at(run.t[0], theta[0], dtheta[0]))
-    # twice where something pulls on the arms: friction under load must know what the drive passes on
-    along_drives = _compiled("drives_along")
-    along_drives(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, moved.load, friction, on_arm)
-    # what pulls on a clamped arm is the clamp's to bear
-    on_arm[:, [driven[joint - 1] for joint in run.run.locked]] = 0.0
-    passed = moved.load - on_arm
-    if drives.needs_load and np.any(on_arm):
-        drives.reset(_at(run.t[0], theta[0], dtheta[0]))
-        along_drives(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, passed, friction, on_arm)
+    clamped = [driven[joint - 1] for joint in run.run.locked]
+    sheet, smooth = _rubbing(whole.robot), tuple(whole.spread(creep, 1.0).tolist())
+    if _by_motors_alone(whole.robot):
+        offsets = tuple(stage.sensor.position_offset for stage in robot.stages)
+        friction, on_arm = _rubbed(sheet, run, offsets, smooth)
+        passed = moved.load - _but(on_arm, clamped)
+    else:
+        friction, passed = _rubbed_beside(sheet, run, moved, smooth, clamped)
     passed, friction, slope = passed[:, driven], friction[:, driven], moved.slope[:, driven]
     imposed = run.run.control.mode in ("motion", "unknown")
     inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
@@ -112,7 +107,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening:
             tau = tau - early * _slow(change, run)
     limits = tuple(stage.drive.torque_limit for stage in robot.stages)
     asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits)
-    return Said(tau + bias, passed, q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
+    return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
 def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
@@ -187,7 +182,7 @@ def _moved(robot: Robot, run: Prepared, stiffening: Stiffening) -> _Moved:
     whole = expanded(robot, imposed=True)
     full = whole.robot
     theta, dtheta, ddtheta = (whole.spread(x) for x in (run.q - offsets, run.dq, run.ddq))
-    error = _errors(full, run, theta, dtheta)
+    error = _errors(_rubbing(full), run, theta, dtheta)
     turned, dturned, ddturned = theta, dtheta, ddtheta
     slope = np.zeros_like(theta)
     if error is not None:
@@ -221,24 +216,82 @@ def _at(t: float, theta: Vector, dtheta: Vector) -> Any:
     return MachineState(float(t), theta, dtheta, theta, dtheta)
 
 
-def _drives(robot: Robot, creep: Vector) -> Drives:
-    """The drives as rigid ones whose sticking friction is smooth below the creeping speed."""
+def _rubbing(robot: Robot) -> DriveSheet:
+    """What of the drives makes friction and torques on arms, as rigid ones whose sticking friction is smooth."""
     sheet = DriveSheet.of(robot)
-    plain = replace(
-        sheet,
-        drives=tuple(replace(drive, spring=None, stick=None) for drive in sheet.drives),
-        friction=FrictionModel("smooth"),
+    drives = (
+        replace(drive, spring=None, stick=None, inertia=0.0, gain=1.0, torque_limit=math.inf, dummy=False)
+        for drive in sheet.drives
     )
-    drives = Drives(plain)
+    return replace(sheet, drives=tuple(drives), friction=FrictionModel("smooth"), notes=())
+
+
+def _drives(sheet: DriveSheet, creep: Sequence[float]) -> Drives:
+    """Drives that rub in full from the creeping speeds on."""
+    drives = Drives(sheet)
     # full at that speed, tanh(5) = 0.9999
-    drives.table.smooth_velocity[:] = creep / 5.0
+    drives.table.smooth_velocity[:] = np.array(creep) / 5.0
     return drives
 
 
-def _errors(robot: Robot, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
-    if not any(term.kind == "error" for stage in robot.stages for term in stage.drive.terms):
+def _by_motors_alone(robot: Robot) -> bool:
+    """Whether the drives rub as their motors move, whatever the bodies are that they move."""
+    return not any(
+        stage.drive.spring or any(uses_load(term.effect, term.law) for term in stage.drive.terms)
+        for stage in robot.stages
+    )
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _rubbed(
+    sheet: DriveSheet, run: Prepared, offsets: tuple[float, ...], creep: tuple[float, ...]
+) -> tuple[Vector, Vector]:
+    """Friction and torque on the arms along a run's motor motion, shapes (m, n), where arms go as motors do."""
+    theta, dtheta = run.q - np.array(offsets), run.dq
+    error = _errors(sheet, run, theta, dtheta)
+    turned, dturned = (theta, dtheta) if error is None else (theta + error, dtheta + np.gradient(error, run.h, axis=0))
+    drives = _drives(sheet, creep)
+    return _along(drives, run, (turned, dturned, theta, dtheta), np.zeros_like(theta))
+
+
+def _rubbed_beside(
+    sheet: DriveSheet, run: Prepared, moved: _Moved, creep: tuple[float, ...], clamped: Sequence[int]
+) -> tuple[Vector, Vector]:
+    """Friction, and what drives pass to the arms, shapes (m, k), where one or the other depends on the bodies."""
+    drives = _drives(sheet, creep)
+    motion = moved.q, moved.dq, moved.theta, moved.dtheta
+    friction, on_arm = _along(drives, run, motion, moved.load)
+    passed = moved.load - _but(on_arm, clamped)
+    if drives.needs_load and np.any(on_arm):
+        # something pulls on the arms: friction under load must know what the drive passes on
+        friction, _ = _along(drives, run, motion, passed)
+    return friction, passed
+
+
+def _along(
+    drives: Drives, run: Prepared, motion: tuple[Vector, Vector, Vector, Vector], load: Vector
+) -> tuple[Vector, Vector]:
+    """Friction and torque on the arms along a motion q, dq, theta, dtheta under a load, shapes (m, k)."""
+    _, _, theta, dtheta = motion
+    friction, on_arm = np.empty_like(theta), np.empty_like(theta)
+    drives.reset(_at(run.t[0], theta[0], dtheta[0]))
+    _compiled("drives_along")(drives.numbers, drives.counts, run.t, *motion, load, friction, on_arm)
+    return friction, on_arm
+
+
+def _but(on_arm: Vector, clamped: Sequence[int]) -> Vector:
+    """Torque on the arms but for clamped ones: what pulls on these is the clamp's to bear."""
+    if not clamped:
+        return on_arm
+    out = on_arm.copy()
+    out[:, clamped] = 0.0
+    return out
+
+
+def _errors(sheet: DriveSheet, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
+    if not any(term.kind == "error" for drive in sheet.drives for term in drive.terms):
         return None
-    drives = _drives(robot, np.ones(robot.n))
+    drives = _drives(sheet, [1.0] * len(sheet.drives))
     error = np.empty_like(theta)
     _compiled("errors_along")(drives.numbers, drives.counts, run.t, theta, dtheta, error)
     return error

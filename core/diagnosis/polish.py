@@ -10,7 +10,7 @@ to be damped there: less damping is tried, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
@@ -23,12 +23,13 @@ from ..database import Database
 from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
+from ..representation import Robot
 from .blocks import BLOCK
 from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, linear, mode_of, residuals, resimulated, steps_of
+from .resimulate import compared, linear, mode_of, residuals, resimulated, steps_of, tried
 
 Vector = NDArray[np.float64]
 
@@ -55,7 +56,8 @@ MOST_OF_IT = 3.0
 PARTS = (1.0, 0.5, 0.25)
 # numbers are moved by their standard deviation to see what changes, within these parts of their size
 LEAST_STEP, LARGEST_STEP = 1.0e-3, 0.05
-# slopes hold for numbers up to so many of these steps away
+# slopes hold for numbers up to so many of these steps away, or as far as one standard deviation, within which nothing
+# tells one number from another
 NEAR = 3.0
 # which is at least this, or what no run shows would be held by a weight beyond all numbers
 LEAST_SIZE = 1.0e-9
@@ -69,12 +71,12 @@ class KnownSlopes:
         self._known: dict[tuple[Run, Sequence[tuple[str, int, str]]], tuple[Vector, Vector]] = {}
 
     def of(
-        self, run: Run, free: Sequence[tuple[str, int, str]], x: Vector, step: Vector, make: Callable[[], Vector]
+        self, run: Run, free: Sequence[tuple[str, int, str]], x: Vector, near: Vector, make: Callable[[], Vector]
     ) -> Vector:
-        """A run's slopes at numbers x (k,), shape (m, channels, k): those at numbers a few steps off, or made."""
+        """A run's slopes at numbers x (k,), shape (m, channels, k): those at numbers as near as that (k,), or made."""
         key = run, tuple(free)
         known = self._known.get(key)
-        if known is None or np.any(np.abs(x - known[0]) > NEAR * step):
+        if known is None or np.any(np.abs(x - known[0]) > near):
             known = self._known[key] = x.copy(), make()
         return known[1]
 
@@ -149,7 +151,11 @@ def polished(
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left_of(run: Run, x: Vector) -> Vector:
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend)
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated)
+
+    def moved(run: Run, x: Vector) -> Vector:
+        # what a slope takes is asked for once, and must not push out what is asked for again
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, tried)
 
     def left(x: Vector) -> list[Vector]:
         return [left_of(run, x) for run in runs]
@@ -165,6 +171,7 @@ def polished(
         before = loose.energy(left(start))
         start = _ringing(fit, start, lambda x: loose.energy(left(x)))
         step = _step(start, sigma)
+        near = np.maximum(NEAR * step, sigma)
         weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
         if late is not None:
             tick = tick_of(problem)
@@ -176,7 +183,7 @@ def polished(
         slopes: list[Vector] = []
         for _ in range(rounds):
             slopes = [
-                memory.of(run, fit.free, x, step, partial(_slopes, partial(left_of, run), one, x, step, limits))
+                memory.of(run, fit.free, x, near, partial(_slopes, partial(moved, run), one, x, step, limits))
                 for run, one in zip(runs, now, strict=True)
             ]
             normal, gradient = _normal(loose, now, slopes, weight, x - start)
@@ -221,20 +228,20 @@ def closing(
     limits = _limits(problem, fit, start)
 
     def left_of(run: Run, x: Vector) -> Vector:
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend)
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, tried)
 
     def steps(effects: Rows) -> float:
         return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
 
     most = STIFFER * steps(rows)
-    now = [left_of(run, start) for run in runs]
+    now = [_left(problem.database, level, run, rows, backend, resimulated) for run in runs]
     own = [_slopes(partial(left_of, run), one, start, step, limits) for run, one in zip(runs, now, strict=True)]
     energies: list[float] = []
     for option in options:
         try:
             if steps(merged(rows, option)) > most:
                 raise RefusedError("it would take too long")
-            there = [_left(problem.database, level, run, merged(rows, option), backend) for run in runs]
+            there = [_left(problem.database, level, run, merged(rows, option), backend, tried) for run in runs]
         except RefusedError:
             energies.append(math.inf)
             continue
@@ -328,10 +335,17 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
-def _left(database: Database, level: str, run: Run, effects: Rows, backend: str) -> Vector:
+def _left(
+    database: Database,
+    level: str,
+    run: Run,
+    effects: Rows,
+    backend: str,
+    simulated: Callable[[Robot, Robot, Run, str], Mapping[str, Vector]],
+) -> Vector:
     """Measured minus simulated of a run in units of noise, 0 where nothing was measured, shape (m, channels)."""
     robot = robot_of(database, level, run, effects)
-    apart = residuals(run, resimulated(robot, robot_of(database, level, run), run, backend))
+    apart = residuals(run, simulated(robot, robot_of(database, level, run), run, backend))
     sigma = noise_floor(database, level, run).sensor
     return np.column_stack([np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)])
 

@@ -20,6 +20,9 @@ Vector = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 HIGHEST_RATE = 500.0
+# samples a period of the highest frequency that is compared, lest jumps of friction between them be taken for something
+# slower, and how many there are a second at least
+SAMPLES, LOWEST_RATE = 12.0, 200.0
 # what is compared ends below the smoothing's corner, where the filter takes nothing yet
 KEPT = 0.6
 LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
@@ -168,7 +171,7 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     imposed = follows(run)
     width = band if band is not None else min(HIGHEST_BAND, 0.2 * run.rate) if imposed else band_of(run)
     fine = np.arange(int(np.floor(run.t[-1] * run.rate + 1e-6)) + 1) / run.rate
-    every = max(1, round(run.rate / HIGHEST_RATE))
+    every = max(1, round(run.rate / HIGHEST_RATE), int(run.rate / max(SAMPLES * width, LOWEST_RATE)))
     t = fine[::every]
     corner = min(width / KEPT, 0.45 * run.rate)
     sos = signal.butter(ORDER, corner, fs=run.rate, output="sos")

@@ -64,8 +64,7 @@ def settled(grid: Prepared) -> slice:
     return slice(edge, len(grid.t) - edge)
 
 
-@lru_cache(maxsize=32)
-def resimulated(
+def tried(
     robot: Robot,
     nominal: Robot,
     run: Run,
@@ -74,7 +73,7 @@ def resimulated(
     step: float | None = None,
     begun: Run | None = None,
 ) -> Mapping[str, Vector]:
-    """Every signal that the run has, as the simulation gives it under the same command and controller; made once.
+    """Every signal that the run has, as the simulation gives it under the same command and controller.
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
     in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the
@@ -108,6 +107,20 @@ def resimulated(
         return _simulated(robot, nominal, run, backend, law, control, None, step)
     start = start_of(robot, begun or run) if mode == "pd" else None
     return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
+
+
+@lru_cache(maxsize=32)
+def resimulated(
+    robot: Robot,
+    nominal: Robot,
+    run: Run,
+    backend: Backend | str,
+    *,
+    step: float | None = None,
+    begun: Run | None = None,
+) -> Mapping[str, Vector]:
+    """As `tried`, made once: for what is asked for again."""
+    return tried(robot, nominal, run, backend, step=step, begun=begun)
 
 
 def steps_of(robot: Robot, run: Run, backend: str) -> float:

@@ -86,7 +86,8 @@ def test_what_takes_an_engine_minutes_is_not_simulated(monkeypatch):
     hard = EffectRow(1, {"stiffness": 1e9, "damping": 1.0})
     spring = Found("joint_compliance", 1, hard, 50.0)
     fit = replace(refined(asked, whitening(asked), [spring], blocks(asked.evidence)), rows={spring.key: hard})
-    monkeypatch.setattr(polish, "resimulated", lambda *_: pytest.fail("simulated"))
+    for name in ("resimulated", "tried"):
+        monkeypatch.setattr(polish, name, lambda *_: pytest.fail("simulated"))
     assert polished(asked, "rigid", runs, fit, "mjcf") is None
 
 
@@ -162,13 +163,14 @@ def test_slopes_of_nearly_the_same_numbers_are_taken_once(monkeypatch):
     rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.2}), 50.0)
     fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
     asks: list[object] = []
-    simulate = polish.resimulated
+    simulate = polish.tried
 
     def counted(*words):
         asks.append(words)
         return simulate(*words)
 
-    monkeypatch.setattr(polish, "resimulated", counted)
+    for name in ("resimulated", "tried"):
+        monkeypatch.setattr(polish, name, counted)
     alone = polished(asked, "rigid", runs, fit, "mjcf")
     first = len(asks)
     known = KnownSlopes()
@@ -184,3 +186,14 @@ def test_slopes_of_nearly_the_same_numbers_are_taken_once(monkeypatch):
     far = replace(fit, rows={rubs.key: EffectRow(1, {"coefficient": 0.1})})
     polished(asked, "rigid", runs, far, "mjcf", known=known)
     assert len(asks) >= first
+    asks.clear()
+    # within one standard deviation nothing tells one number from another
+    unsure = replace(far, covariance=np.array([[0.1**2]]))
+    polished(asked, "rigid", runs, unsure, "mjcf", known=KnownSlopes())
+    first = len(asks)
+    asks.clear()
+    off = replace(unsure, rows={rubs.key: EffectRow(1, {"coefficient": 0.17})})
+    polished(asked, "rigid", runs, unsure, "mjcf", known=known)
+    asks.clear()
+    polished(asked, "rigid", runs, off, "mjcf", known=known)
+    assert len(asks) == first - len(runs)

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis import prepare
 from mbexport.core.diagnosis.evidence import gather
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
-from mbexport.core.diagnosis.prepare import HIGHEST_BAND, band_of, follows, prepared
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.prepare import HIGHEST_BAND, HIGHEST_RATE, LOWEST_RATE, SAMPLES, band_of, follows, prepared
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.effects import EffectRow
 
 from .pendulums import NOISE, command, pendulum_run
 
@@ -54,3 +58,28 @@ def test_torque_above_the_motions_own_frequencies_is_seen():
     seen = gather([run], [robot])
     assert float(np.mean(seen.residual([robot]) ** 2)) > 1.5
     assert said(robot, seen.runs[0], robot, seen.creeps[0]).tau.shape == seen.runs[0].q.shape
+
+
+def test_slow_motions_are_compared_at_no_more_samples_than_they_need(monkeypatch):
+    """A friction's jumps are between two of them: as much of it is seen, and what is left of it is as little."""
+    run = pendulum_run(
+        "pd", lambda t, q, dq: 0.2 * np.tanh(dq / 1e-3), rate=1000.0, noise=dict.fromkeys(NOISE, 1e-3) | {"q": 1e-4}
+    )
+    row = EffectRow(1, {"torque": 0.2})
+
+    def left(*found):
+        asked = problem(load("pendulum"), "rigid", [run])
+        left = whitening(asked)(asked.residual({"coulomb_friction": found} if found else {}))
+        return float(left @ left) / len(left)
+
+    few = prepared(run)
+    assert 1.0 / few.h == pytest.approx(max(LOWEST_RATE, SAMPLES * few.band), rel=0.2)
+    nothing, known = left(), left(row)
+    monkeypatch.setattr(prepare, "SAMPLES", 1000.0)
+    many = prepared(run)
+    assert 1.0 / many.h == pytest.approx(HIGHEST_RATE)
+    assert many.band == few.band
+    assert nothing > 1000.0
+    assert nothing == pytest.approx(left(), rel=0.1)
+    assert known == pytest.approx(left(row), rel=0.1)
+    assert known < 1.2
