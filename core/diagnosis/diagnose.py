@@ -40,7 +40,7 @@ from .model import Rows, level_rows, merged, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
-from .numerics import NUMERICAL, Suspect, numerics, part_left, suspected
+from .numerics import NUMERICAL, Suspect, loudest_of, numerics, part_left, suspected
 from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
@@ -271,7 +271,7 @@ class _Diagnosing:
 
     def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
         """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""
-        notes += self._numerics(runs[0])
+        notes += self._numerics(runs[loudest_of(*self._left(runs))])
         stamps: list[str] = []
         ready = [self._in_time(run, stamps) for run in runs]
         self.tell("where the gap lies")

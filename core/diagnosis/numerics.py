@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise, loudest
-from .resimulate import mode_of, residuals, resimulated
+from .resimulate import mode_of, residuals, resimulated, resimulated_once
 from .stamps import TORQUES, unshifted
 
 Vector = NDArray[np.float64]
@@ -79,18 +80,19 @@ def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noi
         held = " and ".join(f"joint_{joint}" for joint in run.locked)
         return Numerics(step, {}, {}, (f"In {run.name} {held} is clamped: torques are compared along its motion.",))
     base = resimulated(robot, nominal, run, backend)
-    step_error = _apart(base, resimulated(robot, nominal, run, engine, step=0.5 * step))
+    step_error = _apart(base, resimulated_once(robot, nominal, run, engine, step=0.5 * step))
     hold_error: dict[str, Vector] = {}
     if run.control.mode == "pd":
-        hold_error = _apart(base, resimulated(robot, nominal, without_hold(run), engine, step=step))
+        hold_error = _apart(base, resimulated(robot, nominal, without_hold(run), backend, begun=run))
     notes = [_said(f"Half the step ({0.5 * step!r} s) changes the simulation of {run.name}", step_error, noise)]
     if hold_error:
         notes.append(_said(f"A controller {FASTER} times as fast changes that of {run.name}", hold_error, noise))
     return Numerics(step, step_error, hold_error, tuple(notes))
 
 
+@lru_cache(maxsize=4)
 def without_hold(run: Run) -> Run:
-    """The run of a controller that ticks FASTER times as fast, nearly a continuous one."""
+    """The run of a controller that ticks FASTER times as fast, nearly a continuous one; made once."""
     return replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
 
 
@@ -194,7 +196,7 @@ def suspected(
     left = [residuals(run, resimulated(robot, robot, run, backend)) for robot, run in zip(robots, runs, strict=True)]
     # without a torque friction that damps may look like half of a gap
     half = HALF if all(map(tells_torque, runs)) else NUMERICAL
-    worst = max(range(len(runs)), key=lambda k: loudest([left[k]], [noises[k]]))
+    worst = loudest_of(left, noises)
     best, drowned = None, None
     for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
         changed = [left_by(suspect, robot, run, backend) for robot, run in zip(robots, runs, strict=True)]
@@ -204,6 +206,11 @@ def suspected(
         if drowned is None and suspect.everywhere and _in_most_joints(left, changed, noises):
             drowned = suspect
     return (best, least) if best or not drowned else (drowned, HALF)
+
+
+def loudest_of(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]) -> int:
+    """Which run's gap stands farthest above noise, from 0."""
+    return max(range(len(left)), key=lambda k: loudest([left[k]], [noises[k]]))
 
 
 def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> list[Suspect]:

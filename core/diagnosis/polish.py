@@ -29,7 +29,7 @@ from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, linear, mode_of, residuals, resimulated, steps_of, tried
+from .resimulate import compared, linear, mode_of, residuals, resimulated, resimulated_once, steps_of
 
 Vector = NDArray[np.float64]
 
@@ -155,7 +155,7 @@ def polished(
 
     def moved(run: Run, x: Vector) -> Vector:
         # what a slope takes is asked for once, and must not push out what is asked for again
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, tried)
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
 
     def left(x: Vector) -> list[Vector]:
         return [left_of(run, x) for run in runs]
@@ -228,7 +228,7 @@ def closing(
     limits = _limits(problem, fit, start)
 
     def left_of(run: Run, x: Vector) -> Vector:
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, tried)
+        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
 
     def steps(effects: Rows) -> float:
         return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
@@ -241,7 +241,9 @@ def closing(
         try:
             if steps(merged(rows, option)) > most:
                 raise RefusedError("it would take too long")
-            there = [_left(problem.database, level, run, merged(rows, option), backend, tried) for run in runs]
+            there = [
+                _left(problem.database, level, run, merged(rows, option), backend, resimulated_once) for run in runs
+            ]
         except RefusedError:
             energies.append(math.inf)
             continue

@@ -64,7 +64,7 @@ def settled(grid: Prepared) -> slice:
     return slice(edge, len(grid.t) - edge)
 
 
-def tried(
+def resimulated_once(
     robot: Robot,
     nominal: Robot,
     run: Run,
@@ -119,8 +119,8 @@ def resimulated(
     step: float | None = None,
     begun: Run | None = None,
 ) -> Mapping[str, Vector]:
-    """As `tried`, made once: for what is asked for again."""
-    return tried(robot, nominal, run, backend, step=step, begun=begun)
+    """As `resimulated_once` has it, kept: for what is asked for again."""
+    return resimulated_once(robot, nominal, run, backend, step=step, begun=begun)
 
 
 def steps_of(robot: Robot, run: Run, backend: str) -> float:

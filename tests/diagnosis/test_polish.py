@@ -86,7 +86,7 @@ def test_what_takes_an_engine_minutes_is_not_simulated(monkeypatch):
     hard = EffectRow(1, {"stiffness": 1e9, "damping": 1.0})
     spring = Found("joint_compliance", 1, hard, 50.0)
     fit = replace(refined(asked, whitening(asked), [spring], blocks(asked.evidence)), rows={spring.key: hard})
-    for name in ("resimulated", "tried"):
+    for name in ("resimulated", "resimulated_once"):
         monkeypatch.setattr(polish, name, lambda *_: pytest.fail("simulated"))
     assert polished(asked, "rigid", runs, fit, "mjcf") is None
 
@@ -163,13 +163,13 @@ def test_slopes_of_nearly_the_same_numbers_are_taken_once(monkeypatch):
     rubs = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.2}), 50.0)
     fit = refined(asked, whitening(asked), [rubs], blocks(asked.evidence))
     asks: list[object] = []
-    simulate = polish.tried
+    simulate = polish.resimulated_once
 
     def counted(*words):
         asks.append(words)
         return simulate(*words)
 
-    for name in ("resimulated", "tried"):
+    for name in ("resimulated", "resimulated_once"):
         monkeypatch.setattr(polish, name, counted)
     alone = polished(asked, "rigid", runs, fit, "mjcf")
     first = len(asks)
