@@ -341,7 +341,7 @@ class _Diagnosing:
         fit, names = self._names(state, held.found)
         names, better = judge.told_apart(held.found, names)
         if better is not None and (again := judge.held(better)).by > held.by - HARMS:
-            held = replace(again, growing=held.growing)
+            held = replace(again, growing=held.growing, rings=held.rings)
             fit, names = self._names(state, held.found)
             names, _ = judge.told_apart(held.found, names)
         return held, fit, names

@@ -14,6 +14,7 @@ from ..database import Database
 from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
+from ..signals import JOINT_SIGNALS
 from .alike import Alike
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
@@ -28,6 +29,7 @@ from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated
+from .resonance import springs
 from .search import (
     ALIKE,
     ALIKE_SHARE,
@@ -87,6 +89,9 @@ CONTRADICTS = 0.3
 SPRINGS = (*GIVING, "link_flexibility")
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
+# where so much of a gap is open drives that give are tried in simulation, where one closes most of it from afar: at how
+# many of the loudest joints, each with every so manieth softness
+MOSTLY, SOFT_JOINTS, SOFTER = 0.5, 3, 4
 # causes that are tried in simulation where it leaves much of which the measured motion shows little: how many, what one
 # may leave of the fitted runs to be tried on the others, how many are, and what it may leave there of what was open
 MOST_OPTIONS, MOST_LATE, CLOSING, MOST_CLOSING, CLOSES = 12, 2, 0.5, 3, 0.25
@@ -107,6 +112,7 @@ class Held:
         numbers: Every split's fit with numbers from simulation, where it was by these that the findings hold; else ().
         by_bands: Nothing but the measured motion was simulated, so that bands know more than mean squares.
         growing: Joint with a resistance that grows faster than with its speed, which no law of friction does; 0: none.
+        rings: What was found is a drive that rings, found in simulation: the measured motion is no witness of it.
     """
 
     found: tuple[Found, ...]
@@ -119,6 +125,7 @@ class Held:
     numbers: tuple[Refined, ...] = ()
     by_bands: bool = False
     growing: int = 0
+    rings: bool = False
 
     @property
     def bends(self) -> set[tuple[str, str]]:
@@ -254,7 +261,8 @@ class Judge:
         A loop makes much of what is small along the motion: of a delay, which stamps may be as well; of an inertia
         beside friction. Those that take most of what is left of the fitted runs are tried on the others.
         """
-        if held.adequate or held.how_far.shrinks_by is None or not any(mode_of(run) == "pd" for run in self.runs):
+        told = not held.found or held.how_far.shrinks_by is not None
+        if held.adequate or not told or not any(mode_of(run) == "pd" for run in self.runs):
             return held
         for option in self._closing(held, state):
             found = (*held.found, option)
@@ -269,7 +277,7 @@ class Judge:
                 rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
                 other = self._with(held, found, rows, fitted)
                 if other is not None and other.adequate and other.open < CLOSES * held.open:
-                    return other
+                    return replace(other, rings=option.effect == "joint_compliance")
         return held
 
     def _closing(self, held: Held, state: Search) -> list[Found]:
@@ -286,6 +294,8 @@ class Judge:
         options = beside(state, found)
         late = [option for option in options if option.effect == "delay"][:MOST_LATE]
         tried = [*late, *[option for option in options if option.effect != "delay"][:MOST_OPTIONS]]
+        if held.open > MOSTLY:
+            tried += self._soft_drives(state, found)
         fit = refined(part, whiten, found, blocks(part.evidence))
         seen = [self.runs[k] for k in way.seen]
         try:
@@ -299,6 +309,30 @@ class Judge:
             if gain >= THRESHOLD:
                 best.setdefault(tried[k].key, replace(tried[k], gain=gain))
         return list(best.values())[:MOST_CLOSING]
+
+    def _soft_drives(self, state: Search, found: Sequence[Found]) -> list[Found]:
+        """Drives of the loudest joints that give, from hard to soft.
+
+        Along the motion one that rings long shows near its own stiffness only, and there less than its noise.
+        """
+        if state.scales is None:
+            return []
+        loud = self._loudest_joints()[:SOFT_JOINTS]
+        options = springs(self.whole, rows_of(found), state.scales, state.out)
+        soft = [one for one in options if one.effect == "joint_compliance"][::SOFTER]
+        rows = ((one, one.rows(np.zeros_like(one.scale)) or {}) for one in soft if one.at in loud)
+        return [Found(one.effect, one.at, row[one.effect][0], 0.0) for one, row in rows]
+
+    def _loudest_joints(self) -> list[int]:
+        """Joints, from 1, the one first whose gap stands farthest above noise in the runs that are fitted first."""
+        total = np.zeros(self.database.n)
+        for run in (self.runs[k] for k in self.ways[0].seen):
+            robot = robot_of(self.database, self.level, run)
+            sensor = noise_floor(self.database, self.level, run).sensor
+            for name, left in residuals(run, resimulated(robot, robot, run, self.backend)).items():
+                if name in JOINT_SIGNALS:
+                    total += np.nansum(np.square(left / sensor[name]), axis=0)
+        return [int(i) + 1 for i in np.argsort(-total, kind="stable")]
 
     def _with(
         self, held: Held, found: tuple[Found, ...], unseen: Unseen, numbers: tuple[Refined, ...] = ()
@@ -353,7 +387,7 @@ class Judge:
         if idle:
             rest = self.held([item for item in held.found if item.key not in idle])
             gone = tuple(Rejected(item.effect, item.place, GONE) for item in held.found if item.key in idle)
-            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped), growing=held.growing)
+            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped), growing=held.growing, rings=held.rings)
             return self.closer(rest) if rest.found else ([], rest)
         return list(numbers), rest
 
@@ -404,7 +438,7 @@ class Judge:
 
         A loop makes little of a torque that it holds against: what is near the cause closes its gap as well.
         """
-        if not held.found or not held.adequate or self.by_bands:
+        if not held.found or not held.adequate or self.by_bands or held.rings:
             return None
         left = along(self.whole, self.whiten, held.found, self.ways)
         if left.share * held.unseen.stiffened < CONTRADICTS or left.loudest < SHOWS_IN_BAND:

@@ -217,3 +217,37 @@ def soft_run(
     signals = {name: (one + noisy * NOISE[name] * random.normal(size=len(t)))[:, None] for name, one in exact.items()}
     noise = {name: np.array([NOISE[name]]) for name in exact}
     return Run("swing", t, signals, Control("motion"), noise, (), {}, "", (), rate)
+
+
+def ringing_run(stiffness: float, damping: float, rotor: float, *, seed: int = 0, duration: float = 4.0) -> Run:
+    """What the sensors say of a pendulum that hangs behind a spring from a controlled motor.
+
+    Args:
+        stiffness, damping: Of the spring [N m/rad, N m s/rad].
+        rotor: The motor's moment of inertia [kg m^2].
+        seed: Of the noise.
+        duration: [s].
+    """
+    ticks = np.arange(round(duration * 1000) + 1) / 1000.0
+    q_cmd, dq_cmd, _ = command(ticks)
+    parts = 10
+    h = 1.0e-3 / parts
+    q = dq = theta = dtheta = 0.0
+    rows = np.empty((len(ticks), 2))
+    for k in range(len(ticks)):
+        held = KP * (q_cmd[k] - theta) + KD * (dq_cmd[k] - dtheta)
+        rows[k] = theta, held
+        for _ in range(parts):
+            # Stoermer's and Verlet's steps, which take no energy from what rings
+            passed = stiffness * (theta - q) + damping * (dtheta - dq)
+            dtheta += h * (held - passed) / rotor
+            dq += h * (passed - WEIGHT * math.sin(q)) / INERTIA
+            theta, q = theta + h * dtheta, q + h * dq
+    random = np.random.default_rng(seed)
+    names = ("q", "tau")
+    signals = {
+        name: column[:, None] + NOISE[name] * random.normal(size=(len(ticks), 1))
+        for name, column in zip(names, rows.T, strict=True)
+    } | {"q_cmd": q_cmd[:, None], "dq_cmd": dq_cmd[:, None]}
+    stated = {name: np.array([NOISE[name]]) for name in names}
+    return Run("swing", ticks, signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), 1000.0)

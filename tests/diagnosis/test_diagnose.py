@@ -14,15 +14,16 @@ from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
+from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Found, Search
+from mbexport.core.diagnosis.search import Found, Search, contenders
 from mbexport.core.diagnosis.unseen import Split, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
-from .pendulums import friction_free, pendulum_run
+from .pendulums import friction_free, pendulum_run, ringing_run
 
 
 def runs(against=None, seeds=(1, 2), **options):
@@ -315,6 +316,27 @@ def test_what_the_measured_motion_hardly_shows_is_found_in_simulation(against, d
         assert closed.found[1].gain > 100.0
         # what unseen motions say of it is theirs, and not what simulation says of the fitted ones
         assert closed.unseen.gains[1] != closed.found[1].gain
+
+
+def test_a_drive_that_rings_is_found_in_simulation_where_the_measured_motion_shows_nothing():
+    """And what that motion then has left does not speak against it."""
+    stiffness, damping, inertia = 1000.0, 0.1, 0.3
+    rotor = EffectRow(1, FrozenMap({"inertia": inertia}))
+    robot = replace(load("pendulum"), effects=FrozenMap({"rotor_inertia": (rotor,)}))
+    measured = [ringing_run(stiffness, damping, inertia, seed=seed, duration=2.5) for seed in (1, 2)]
+    whole, ways = problem(robot, "full", measured), splits(2, 1)
+    whiten = whitening(whole)
+    judge = Judge(robot, "full", "mjcf", ["mjcf"], lambda _: None, whole, whiten, ways, measured)
+    state = Search(whole.only(ways[0].seen), whiten.only(whole.evidence.places(ways[0].seen)))
+    state.begin()
+    # which sizes the candidates
+    contenders(state, blocks(state.problem.evidence))
+    held = judge.closed_in_simulation(judge.held([]), state)
+    assert [item.key for item in held.found] == [("joint_compliance", 1)]
+    assert held.adequate
+    assert held.unseen.rows[0][0].values["stiffness"] == pytest.approx(stiffness, rel=0.05)
+    assert judge.contradicted(held) is None
+    assert judge.contradicted(replace(held, rings=False)) is not None
 
 
 def test_what_closes_a_gap_with_numbers_that_may_be_anything_is_not_found(monkeypatch):
