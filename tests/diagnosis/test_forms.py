@@ -126,7 +126,8 @@ def test_what_is_left_of_a_wave_is_no_little():
 def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
     unseen = SimpleNamespace(stiffened=1.0)
-    return judge.contradicted(SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen))
+    held = SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen, rings=False)
+    return judge.contradicted(held)
 
 
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
