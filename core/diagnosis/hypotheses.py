@@ -245,12 +245,15 @@ def names_of_one(problem: Problem, name: str, at: int) -> set[tuple[str, int]]:
 def possible(problem: Problem, name: str, at: int) -> bool:
     """Whether an effect can say anything here."""
     database = problem.database
-    controls = {run.run.control.mode for run in problem.evidence.runs}
+    runs = problem.evidence.runs
+    controls = {run.run.control.mode for run in runs}
     if name in ("controller_gain",) and "pd" not in controls:
         return False
     if name in ("delay", "torque_limit") and not controls & {"pd", "torque"}:
         return False
-    if name == "torque_offset" and not any("tau" in run.measured for run in problem.evidence.runs):
+    if name == "torque_constant" and all(r.run.control.mode == "motion" and not r.run.locked for r in runs):
+        return False
+    if name == "torque_offset" and not any("tau" in run.measured for run in runs):
         return False
     if name == "base_tilt" and database.base_taken_up:
         return False

@@ -77,8 +77,8 @@ def resimulated_once(
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
     in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the
-    measured positions behind a zero-phase filter. Clamped joints, which no engine holds: inverse dynamics along the
-    measured motion.
+    measured positions behind a zero-phase filter, the torque as motors are asked for it. Clamped joints, which no
+    engine holds: inverse dynamics along the measured motion.
 
     Args:
         robot: With all that it is thought to have.
@@ -104,7 +104,7 @@ def resimulated_once(
             names = (name for name in ("tau", "tau_link") if run.has(name))
             return {name: _between(grid.t, getattr(speech, name), run.t) for name in names}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
-        return _simulated(robot, nominal, run, backend, law, control, None, step)
+        return _asked_for(robot, _simulated(robot, nominal, run, backend, law, control, None, step))
     start = start_of(robot, begun or run) if mode == "pd" else None
     return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
 
@@ -326,6 +326,18 @@ def _simulated(
     known = trace.t <= (run.t[-1] + ON_CLOCK if control.mode == "motion" else np.inf)
     signals = {name: values[known] for name, values in _signals(trace, run).items()}
     return _at(run.t, trace.t[known], signals, held=control.mode == "pd")
+
+
+def _asked_for(robot: Robot, signals: Mapping[str, Vector]) -> Mapping[str, Vector]:
+    """Signals of an imposed motion as a controller nobody knows leaves them: motors are asked for less than they give.
+
+    Where a motion is imposed gains do not act, so that a simulation has the drive's own torque.
+    """
+    if "tau" not in signals:
+        return signals
+    gain = np.array([stage.drive.gain for stage in robot.stages])
+    offset = np.array([stage.sensor.torque_offset for stage in robot.stages])
+    return {**signals, "tau": (signals["tau"] - offset) / gain + offset}
 
 
 def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:

@@ -14,9 +14,18 @@ from scipy.signal import savgol_filter
 from mbexport.core.build import build
 from mbexport.core.control import default_pd
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.evidence import creep_of
+from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.resimulate import compared, held_torque, residuals, resimulated, start_of
+from mbexport.core.diagnosis.resimulate import (
+    compared,
+    held_torque,
+    residuals,
+    resimulated,
+    smoothed,
+    start_of,
+)
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import UsageError
 from mbexport.core.kinematics import dynamics
@@ -193,6 +202,31 @@ def test_unknown_control_compares_torques_behind_one_filter():
     assert set(left) == {"tau"}
     assert rms(left["tau"]) < 3.0 * NOISE["tau"]
     assert np.isnan(left["tau"][[0, -1]]).all()
+
+
+def test_a_motor_that_gives_less_than_it_is_asked_for_is_asked_for_more_by_a_controller_nobody_knows():
+    run = pendulum_run("unknown", rate=1000.0)
+    weak = replace(run, signals=run.signals | {"tau": run.signals["tau"] / 0.8})
+    gives = robot(weak, torque_constant=[EffectRow(1, FrozenMap({"gain": 0.8}))])
+    assert rms(residuals(weak, resimulated(gives, robot(weak), weak, "mjcf"))["tau"]) < 3.0 * NOISE["tau"]
+    assert rms(residuals(weak, resimulated(robot(weak), robot(weak), weak, "mjcf"))["tau"]) > 30.0 * NOISE["tau"]
+    # what a sensor adds is no torque that a motor was asked for
+    biased = replace(weak, signals=weak.signals | {"tau": weak.signals["tau"] + 0.5})
+    row = EffectRow(1, FrozenMap({"torque": 0.5}))
+    both = robot(biased, torque_constant=[EffectRow(1, FrozenMap({"gain": 0.8}))], torque_offset=[row])
+    assert rms(residuals(biased, resimulated(both, robot(biased), biased, "mjcf"))["tau"]) < 3.0 * NOISE["tau"]
+
+
+@pytest.mark.parametrize("mode", ["motion", "unknown"])
+def test_inverse_dynamics_and_simulation_agree_on_whether_a_motors_constant_acts(mode):
+    """Where a motion is imposed gains do not act."""
+    run = pendulum_run(mode, rate=1000.0)
+    weak = robot(run, torque_constant=[EffectRow(1, FrozenMap({"gain": 0.8}))])
+    grid = smoothed(run)
+    along = said(weak, grid, robot(run), creep_of(grid)).tau[:, 0]
+    simulated = np.interp(grid.t, run.t, resimulated(weak, robot(run), run, "mjcf")["tau"][:, 0])
+    inside = slice(100, -100)
+    assert rms((along - simulated)[inside]) < 0.02 * rms(simulated[inside])
 
 
 def test_a_run_that_begins_moving_begins_so():
