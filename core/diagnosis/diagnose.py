@@ -88,7 +88,7 @@ SEEN_APART = (
     "the held-out runs were cut in time and fitted too, each part judged by fits that had not seen it. Hold out a run "
     "that moves like one that is fitted to have the answer confirmed."
 )
-# part of the gap's energy that a name may leave which no run of its own confirms
+# part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
 UNDERSTOOD = 0.1
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
@@ -185,7 +185,7 @@ class _Diagnosing:
         if not {UNSEEN, LEFT_UNSEEN} & set(answer.notes):
             return answer
         apart = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
-        if not apart.which or apart.unexplained.share > UNDERSTOOD:
+        if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return answer
         names = tuple(run.name for run in (*runs, *holdout))
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, SEEN_APART))

@@ -38,12 +38,15 @@ _POWERS: dict[str, tuple[float, ...]] = {
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }
+# over which parts of a limit it may come softly, and by which part of it that is known as much
+KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
 # what is said of a law that is so
 ASIDE_SAID = "is not the same both ways"
 DRIVEN_SAID = "is another one where it drives than where it is driven"
 BENT_SAID = "goes with another power of what it goes with"
 TWICE_SAID = "comes twice as often as well"
 STIFFENS_SAID = "stiffens as it is wound up"
+SOFTLY_SAID = "is felt before it is reached"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,6 +175,8 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     item, evidence = found[k], problem.evidence
     if is_wave(item):
         return _waves(problem, found, k)
+    if item.effect == "torque_limit":
+        return _limits(problem, found, k)
     i = item.at - 1
     without = _without(problem, found, k)
     made = [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, without, strict=True)]
@@ -198,6 +203,29 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     return forms
 
 
+def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
+    """A limit that is felt before it is reached, and a little more or less of it; none where nothing asks for a torque.
+
+    By log(1 + e^x) a motor gives ever less of what it is asked for above its limit, and a little less below it.
+    """
+    item, i = found[k], found[k].at - 1
+    asked = [one.u for one in _without(problem, found, k)]
+    if any(one is None for one in asked):
+        return []
+    top = item.row.values["torque"]
+    wanted = [one[:, i] for one in asked if one is not None]
+    cut = [np.clip(one, -top, top) for one in wanted]
+    forms: list[Form] = []
+    for knee in KNEES:
+        width = knee * top
+        soft = [width * (np.logaddexp(0.0, (-x - top) / width) - np.logaddexp(0.0, (x - top) / width)) for x in wanted]
+        less = [one - x - change for one, x, change in zip(cut, wanted, soft, strict=True)]
+        forms.append(Form(SOFTLY_SAID, _column(problem, i, less, ("u",)), (0.0, 1.0)))
+    more = NEAR_LIMIT * top
+    change = [np.clip(x, -top, top) - np.clip(x, -top - more, top + more) for x in wanted]
+    return [*forms, Form("", _column(problem, i, change, ("u",)))]
+
+
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     """A wave's second harmonic, another amplitude and phase of its own, each by its two quadratures, and its cycles.
 
@@ -222,13 +250,13 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     ]
 
 
-def _column(problem: Problem, i: int, torques: Sequence[Vector]) -> Vector:
-    """The change of the residual for more torque at a joint in every run."""
+def _column(problem: Problem, i: int, torques: Sequence[Vector], names: Sequence[str] = ("tau", "u")) -> Vector:
+    """The change of the residual for more torque at a joint in every run, of that which moves it or of these."""
     evidence = problem.evidence
     parts: list[dict[str, list[Vector]]] = []
     for run, mask, torque in zip(evidence.runs, evidence.masks, torques, strict=True):
         change = {name: np.zeros(values.shape) for name, values in mask.items()}
-        for name in ("tau", "u"):
+        for name in names:
             if name in change:
                 change[name][:, i] = -torque
         parts.append(coefficients(run, change, mask))

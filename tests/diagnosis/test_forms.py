@@ -10,7 +10,7 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
-from mbexport.core.diagnosis.forms import TWICE_SAID, _every_form
+from mbexport.core.diagnosis.forms import SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -19,20 +19,24 @@ from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
 
-from .pendulums import pendulum_run
+from .pendulums import KD, KP, command, pendulum_run
 
 WAVE = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 0.1}), 50.0)
+LIMITED = Found("torque_limit", 1, EffectRow(1, {"torque": 5.6}), 50.0)
 DAMPS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
 
 
-def other_form(against, item):
+def other_form(against, item, mode="motion"):
     """What other forms of one finding's law say of pendulums on which another torque acts."""
-    judge = judge_of(against)
+    judge = judge_of(against, mode)
     return bent(judge.whole, judge.whiten, [item], judge.ways, rows_of(judge, item))
 
 
-def judge_of(against):
-    runs = [pendulum_run("motion", against, seed=seed) for seed in (1, 2)]
+def judge_of(against, mode="motion"):
+    runs = [pendulum_run(mode, against, seed=seed) for seed in (1, 2)]
+    if mode == "pd":
+        # of their torque all that was asked for is recorded, and none of what a motor lacks
+        runs = [replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"}) for run in runs]
     asked = problem(load("pendulum"), "rigid", runs)
     return Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
 
@@ -67,6 +71,37 @@ def test_a_waves_cycles_may_be_a_little_off_where_it_comes_twice_as_often_as_wel
 def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, its_own):
     form = other_form(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
     assert (form.leaves < 0.3) if its_own else (form.leaves > 0.8)
+
+
+def lacks(given):
+    """The part of what its controller asks for that a motor does not give."""
+
+    def against(t, q, dq):
+        q_cmd, dq_cmd, _ = command(t)
+        asked = KP * (float(q_cmd) - q) + KD * (float(dq_cmd) - dq)
+        return asked - given(asked)
+
+    return against
+
+
+def rounded(asked, top=5.6, corner=0.56):
+    """A limit with a parabola for its corner."""
+    size = abs(asked)
+    if size <= top - corner:
+        return asked
+    return math.copysign(top if size >= top + corner else size - (size - top + corner) ** 2 / (4.0 * corner), asked)
+
+
+@pytest.mark.parametrize(("beside", "its_own"), [(0.0, True), (0.05, False)])
+def test_a_limit_that_is_felt_before_it_is_reached_is_one_cause(beside, its_own):
+    limits = lacks(rounded)
+    form = other_form(lambda t, q, dq: limits(t, q, dq) + beside * math.sin(3.0 * q), LIMITED, "pd")
+    assert form.said == SOFTLY_SAID
+    assert (form.leaves < 0.2) if its_own else (form.leaves > 0.5)
+
+
+def test_where_nothing_asks_for_a_torque_a_limit_has_no_other_form():
+    assert other_form(lambda t, q, dq: 0.1 * dq, LIMITED) is None
 
 
 def test_what_has_no_other_form_says_nothing():
