@@ -38,7 +38,7 @@ from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
 from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs
-from .stiffening import STIFFENING
+from .stiffening import SPRINGS, STIFFENING
 from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
@@ -740,14 +740,32 @@ def _stiffens(fit: Refined, item: Found) -> int:
 
 
 def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:
-    """A spring that rings and explains more than all that was found instead, where much is left; and its fit."""
+    """A spring that rings and explains more than all that was found instead, where much is left; and its fit.
+
+    Alone, or in the place of the springs that were found: another may have been picked before the rest was there, and
+    much of it for what that one left.
+    """
     if not state.found or not _loud(state):
         return None
-    picked = _ringing(state.without(()), parts, ())
-    if not picked or picked[0].key in {item.key for item in state.found}:
-        return None
-    fit = refined(state.problem, state.whiten, picked, parts)
-    return (picked, fit) if _energy(fit.left) < _energy(state.left) else None
+    rest = [item for item in state.found if item.effect not in SPRINGS]
+    there = {item.key for item in state.found}
+    best: tuple[list[Found], Refined] | None = None
+    rung, beside_what = state.rung, state.rung_beside
+    if any(name in SPRINGS for name in beside_what):
+        # what springs change beside one that was found says nothing of what they change in its place
+        rung, beside_what = dict[tuple[str, int, str], Vector](), dict[str, tuple[EffectRow, ...]]()
+    for kept in [[], rest] if 0 < len(rest) < len(state.found) else [[]]:
+        base = state.without(())
+        base.rung, base.rung_beside = rung, beside_what
+        if kept:
+            base.take(kept, refined(state.problem, state.whiten, kept, parts))
+        picked = _ringing(base, parts, ())
+        if not picked or picked[0].key in there:
+            continue
+        fit = refined(state.problem, state.whiten, [*kept, *picked], parts)
+        if _energy(fit.left) < (_energy(best[1].left) if best else _energy(state.left)):
+            best = [*kept, *picked], fit
+    return best
 
 
 def _loud(state: Search) -> float:

@@ -446,6 +446,24 @@ def test_springs_tried_alone_are_remembered(monkeypatch):
     assert [one.gain for one in again] == pytest.approx([one.gain for one in first])
 
 
+def test_what_springs_change_beside_another_says_nothing_of_what_they_change_in_its_place(monkeypatch):
+    """An arm that bends, picked while it was all that said something, kept the drive that rings from being tried."""
+    stiffness = INERTIA * 20.0**2
+    asked = problem(load("pendulum"), "rigid", [soft_run(stiffness, 0.05, seed=seed) for seed in (1, 2)])
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    state = Search(asked, whiten, scales=scales_of(asked, {}))
+    bends = {"ku": 40.0, "kv": 40.0, "bu": 0.5, "bv": 0.5, "at": 0.5}
+    bend = Found("link_flexibility", 1, EffectRow(1, bends), 50.0)
+    damps = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1e-3}), 50.0, EffectRow(1, {"coefficient": 0.0}))
+    state.take([bend, damps], refined(asked, whiten, [bend, damps], parts))
+    monkeypatch.setattr(searching, "_loud", lambda state: float(state.left @ state.left) - len(state.left))
+    searching._rung(state, springs(asked, rows_of(state.found), state.scales, ()))
+    assert "link_flexibility" in state.rung_beside
+    found, fit = searching._spring_instead(state, parts)
+    assert [item.effect for item in found if item.key != damps.key] == ["joint_compliance"]
+    assert fit.rows["joint_compliance", 1].values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
+
+
 def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_near():
     asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05)])
     whiten = whitening(asked)
