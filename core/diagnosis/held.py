@@ -251,7 +251,8 @@ class Judge:
             if min(unseen.gains) < EARNS:
                 continue
             other = self._with(held, found, unseen)
-            if other is not None and other.adequate:
+            # a little goes over any threshold
+            if other is not None and other.adequate and other.by > held.by + HELPS:
                 return other
         return held
 
@@ -276,7 +277,8 @@ class Judge:
             for fitted in (numbers, ()) if numbers else ((),):
                 rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
                 other = self._with(held, found, rows, fitted)
-                if other is not None and other.adequate and other.open < CLOSES * held.open:
+                closes = other is not None and other.adequate and other.open < CLOSES * held.open
+                if other is not None and closes and other.by > held.by + HELPS:
                     return replace(other, rings=option.effect == "joint_compliance")
         return held
 

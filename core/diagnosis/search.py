@@ -8,6 +8,7 @@ make needless are taken out again.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -36,7 +37,7 @@ from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
-from .refine import Refined, free_columns, left_with, refined, removal
+from .refine import BEARING, Refined, free_columns, left_with, refined, removal
 from .resonance import springs
 from .stiffening import SPRINGS, STIFFENING
 from .stiffer import stiffer
@@ -62,6 +63,8 @@ SAME_ENERGY = 0.02
 SIMPLER = 0.002
 # what is not linear is looked at closely where it explains this part of what the best does
 CLOSE = 0.6
+# the ways in which a bearing tilts
+_TILTS = ("krx", "kry")
 # every number more must explain this part more
 DEARER = 0.1
 # part of one channel's that is no crumb either: the loudest channel must not drown what another is about
@@ -270,6 +273,7 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         prune(state, *instead, parts)
         _gather(state, parts, tell)
     _condense(state, parts)
+    _whole_bearing(state, parts)
     for _ in range(MOST_SWAPPED):
         if not _swapped(state, parts):
             break
@@ -363,6 +367,29 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         if fewer > 0 and worse < fewer * THRESHOLD + 2.0 * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
+
+
+def _whole_bearing(state: Search, parts: Sequence[Part]) -> None:
+    """Put a bearing that gives both ways in the place of one that gives one way and of another spring.
+
+    A bearing tilts about the next joint's axis where both axes meet: with a drive there half of it says the rest.
+    """
+    problem, whiten = state.problem, state.whiten
+    springs_there = [item for item in state.found if item.effect in SPRINGS]
+    for half, other in itertools.permutations(springs_there, 2):
+        gives = [name for name in _TILTS if math.isfinite(half.row.values.get(name, math.inf))]
+        if half.effect != BEARING or len(gives) != 1:
+            continue
+        way, damps = half.row.values[gives[0]], half.row.values["b" + gives[0][1:]]
+        both = {name: value for tilt in _TILTS for name, value in ((tilt, way), ("b" + tilt[1:], damps))}
+        whole = replace(half, row=EffectRow(half.at, {**half.row.values, **both}))
+        trial = [whole, *(item for item in state.found if item is not half and item is not other)]
+        fit = refined(problem, whiten, trial, parts)
+        sigma = spread(state.left, parts)
+        worse = 0.5 * (_energy(fit.left / sigma) - _energy(state.left / sigma))
+        if worse < THRESHOLD + 2.0 * (state.slope.shape[1] - fit.slope.shape[1]):
+            prune(state, trial, fit, parts)
+            return
 
 
 def _swapped(state: Search, parts: Sequence[Part]) -> bool:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mbexport.core.build import build
+from mbexport.core.build import assembled, build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
@@ -52,13 +52,17 @@ from mbexport.core.diagnosis.unseen import EARNS, Short, Split, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
 from mbexport.core.kinematics import dynamics
+from mbexport.core.motion import from_table
 from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
+from mbexport.core.simulation import simulate
 
 from .pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run
 
 NO_SPRING = EffectRow(1, {"stiffness": 0.0, "rest": 0.0})
 COLUMNS = [column.name for column in effect_named("link_inertia").columns]
+RIGID_BEARING = dict.fromkeys(("kx", "ky", "kz", "krx", "kry", "krz"), math.inf)
+RIGID_BEARING |= dict.fromkeys(("bx", "by", "bz", "brx", "bry", "brz"), 0.0)
 
 
 def question(against=None, **options):
@@ -462,6 +466,33 @@ def test_what_springs_change_beside_another_says_nothing_of_what_they_change_in_
     found, fit = searching._spring_instead(state, parts)
     assert [item.effect for item in found if item.key != damps.key] == ["joint_compliance"]
     assert fit.rows["joint_compliance", 1].values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
+
+
+def test_a_bearing_that_gives_both_ways_is_not_half_of_one_and_the_next_joints_drive():
+    """It tilts about the next joint's axis, where a drive says as much; another engine moves it."""
+    puma = load("puma560")
+    tilts = {"krx": 4.0e4, "kry": 4.0e4, "brx": 60.0, "bry": 60.0}
+    bearing = EffectRow(1, {**RIGID_BEARING, **tilts})
+    t = np.arange(751) / 250.0
+    moves = np.array([0.5, 0.4, -0.5, 0.2, 0.2, 0.2]) * (1.0 - np.cos(np.outer(t, [2.1, 3.3, 2.7, 1.9, 2.3, 2.9])))
+    law = from_table(t, moves)
+    trace = simulate(assembled(puma, {"joint_compliance_6d": (bearing,)}), "exudyn", law, rate=250.0)
+    q_cmd, dq_cmd, _ = law.at(trace.t)
+    random = np.random.default_rng(4)
+    noise = {"q": np.full(6, 1e-6), "tau": np.full(6, 0.02)}
+    signals = {name: trace.joints[name] + noise[name] * random.normal(size=q_cmd.shape) for name in noise}
+    signals |= {"q_cmd": q_cmd, "dq_cmd": dq_cmd}
+    run = Run("tilts", trace.t, signals, Control(), noise, (), {}, "", (), 250.0)
+    asked = problem(puma, "rigid", [run])
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    half = Found("joint_compliance_6d", 1, EffectRow(1, {**RIGID_BEARING, "krx": 4.2e4, "brx": 50.0}), 50.0)
+    drive = Found("joint_compliance", 2, EffectRow(2, {"stiffness": 3.8e4, "damping": 50.0}), 50.0)
+    state = Search(asked, whiten)
+    state.take([half, drive], refined(asked, whiten, [half, drive], parts))
+    searching._whole_bearing(state, parts)
+    assert [item.key for item in state.found] == [("joint_compliance_6d", 1)]
+    row = state.found[0].row.values
+    assert [row["krx"], row["kry"]] == pytest.approx([4.0e4, 4.0e4], rel=0.02)
 
 
 def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_near():
