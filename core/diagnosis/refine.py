@@ -50,6 +50,8 @@ _ON_TIME = EffectRow(0, {"time": 0.0})
 LIGHTEST = 0.9
 # part of an arm's length on the shorter side of its bend
 SHORTEST_PART = 0.05
+# numbers that a turn leaves what they are, beside phases
+_ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta", "beta")}
 # what a bearing's direction must add to the log evidence not to be rigid
 BEARING, TOLD = "joint_compliance_6d", 1.0
 # one standard deviation of a number that no run shows, in its size
@@ -210,13 +212,15 @@ def stiffened(
 
 
 def in_one_turn(fit: Refined) -> Refined:
-    """The fit with phases from -pi to pi."""
+    """The fit with phases, and angles that a turn leaves what they are, from -pi to pi."""
 
-    def turned(row: EffectRow) -> EffectRow:
-        phase = row.values.get("phase")
-        return row if phase is None else EffectRow(row.at, {**row.values, "phase": math.remainder(phase, math.tau)})
+    def turned(effect: str, row: EffectRow) -> EffectRow:
+        angles = {"phase", *_ANGLES.get(effect, ())} & row.values.keys()
+        return EffectRow(
+            row.at, {**row.values, **{name: math.remainder(row.values[name], math.tau) for name in angles}}
+        )
 
-    return replace(fit, rows={key: turned(row) for key, row in fit.rows.items()})
+    return replace(fit, rows={key: turned(key[0], row) for key, row in fit.rows.items()})
 
 
 def _gives(bearing: EffectRow) -> list[str]:

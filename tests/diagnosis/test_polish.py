@@ -98,6 +98,15 @@ def test_a_phase_is_told_within_one_turn():
     assert in_one_turn(fit).rows[wave.key].values["phase"] == pytest.approx(7.0 - 2.0 * np.pi)
 
 
+def test_a_base_is_not_told_to_be_tilted_by_turns():
+    """A fit that begins far away may end there."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(duration=1.0)])
+    tilt = Found("base_tilt", 0, EffectRow(0, {"roll": 0.03 - 12.0 * np.pi, "pitch": 0.04 + 26.0 * np.pi}), 50.0)
+    fit = replace(refined(asked, whitening(asked), [tilt], blocks(asked.evidence)), rows={tilt.key: tilt.row})
+    told = in_one_turn(fit).rows[tilt.key].values
+    assert (told["roll"], told["pitch"]) == pytest.approx((0.03, 0.04))
+
+
 def test_along_a_given_motion_many_numbers_are_simulated(monkeypatch):
     """A simulation takes little there."""
     monkeypatch.setattr(polish, "MOST_FROM_AFAR", 0)
