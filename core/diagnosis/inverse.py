@@ -381,23 +381,27 @@ def _arms(
     moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
     arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
     q, dq, ddq = (np.empty_like(theta) for _ in range(3))
-    _compiled("arms_along")(
-        arms.table,
-        np.flatnonzero(soft),
-        stiffness,
-        damping,
-        stiffening,
-        half_gap,
-        arm_stiffness,
-        arm_rest,
-        run.h,
-        theta,
-        dtheta,
-        ddtheta,
-        q,
-        dq,
-        ddq,
-    )
+    try:
+        _compiled("arms_along")(
+            arms.table,
+            np.flatnonzero(soft),
+            stiffness,
+            damping,
+            stiffening,
+            half_gap,
+            arm_stiffness,
+            arm_rest,
+            run.h,
+            theta,
+            dtheta,
+            ddtheta,
+            q,
+            dq,
+            ddq,
+        )
+    except ZeroDivisionError:
+        # nothing between two springs is an arm that no motion is known of
+        q, dq, ddq = (np.full_like(theta, np.nan) for _ in range(3))
     if np.any(stiffness < hard):
         # where the harder contact would hold the arm
         q += arms.inverse_dynamics(q, dq, ddq) * (1.0 / stiffness - 1.0 / hard)

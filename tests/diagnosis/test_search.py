@@ -11,7 +11,7 @@ from mbexport.core.build import assembled, build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
-from mbexport.core.diagnosis import refine
+from mbexport.core.diagnosis import inverse, refine
 from mbexport.core.diagnosis import search as searching
 from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
@@ -493,6 +493,19 @@ def test_a_bearing_that_gives_both_ways_is_not_half_of_one_and_the_next_joints_d
     assert [item.key for item in state.found] == [("joint_compliance_6d", 1)]
     row = state.found[0].row.values
     assert [row["krx"], row["kry"]] == pytest.approx([4.0e4, 4.0e4], rel=0.02)
+
+
+def test_springs_whose_motion_cannot_be_worked_out_say_nothing(monkeypatch):
+    """Two springs with nothing between them ended a diagnosis with a division by zero."""
+
+    def divided(*_):
+        raise ZeroDivisionError
+
+    compiled = inverse._compiled
+    monkeypatch.setattr(inverse, "_compiled", lambda name: divided if name == "arms_along" else compiled(name))
+    asked = question()
+    soft = Found("joint_compliance", 1, EffectRow(1, {"stiffness": 321.0, "damping": 0.5}), 50.0)
+    assert np.all(asked.misfit(rows_of([soft])) == FAR)
 
 
 def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_near():
