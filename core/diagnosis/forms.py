@@ -218,12 +218,17 @@ def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     forms: list[Form] = []
     for knee in KNEES:
         width = knee * top
-        soft = [width * (np.logaddexp(0.0, (-x - top) / width) - np.logaddexp(0.0, (x - top) / width)) for x in wanted]
-        less = [one - x - change for one, x, change in zip(cut, wanted, soft, strict=True)]
+        beyond = [_ramp(x - top, width) - _ramp(-x - top, width) for x in wanted]
+        less = [hard - (x - too_much) for hard, x, too_much in zip(cut, wanted, beyond, strict=True)]
         forms.append(Form(SOFTLY_SAID, _column(problem, i, less, ("u",)), (0.0, 1.0)))
     more = NEAR_LIMIT * top
     change = [np.clip(x, -top, top) - np.clip(x, -top - more, top + more) for x in wanted]
     return [*forms, Form("", _column(problem, i, change, ("u",)))]
+
+
+def _ramp(x: Vector, width: float) -> Vector:
+    """Nothing below 0 and x above it, bent over so much of x."""
+    return width * np.logaddexp(0.0, x / width)
 
 
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:

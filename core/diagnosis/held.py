@@ -277,8 +277,9 @@ class Judge:
             for fitted in (numbers, ()) if numbers else ((),):
                 rows = replace(unseen, rows=_rows(found, fitted)) if fitted else unseen
                 other = self._with(held, found, rows, fitted)
-                closes = other is not None and other.adequate and other.open < CLOSES * held.open
-                if other is not None and closes and other.by > held.by + HELPS:
+                if other is None or not other.adequate or other.open >= CLOSES * held.open:
+                    continue
+                if other.by > held.by + HELPS:
                     return replace(other, rings=option.effect == "joint_compliance")
         return held
 

@@ -247,11 +247,11 @@ def possible(problem: Problem, name: str, at: int) -> bool:
     database = problem.database
     runs = problem.evidence.runs
     controls = {run.run.control.mode for run in runs}
-    if name in ("controller_gain",) and "pd" not in controls:
+    if name == "controller_gain" and "pd" not in controls:
         return False
     if name in ("delay", "torque_limit") and not controls & {"pd", "torque"}:
         return False
-    if name == "torque_constant" and all(r.run.control.mode == "motion" and not r.run.locked for r in runs):
+    if name == "torque_constant" and not any(run.gains_act for run in runs):
         return False
     if name == "torque_offset" and not any("tau" in run.measured for run in runs):
         return False

@@ -93,9 +93,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening:
     passed, friction, slope = passed[:, driven], friction[:, driven], moved.slope[:, driven]
     imposed = run.run.control.mode in ("motion", "unknown")
     inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
-    # where a motion is imposed gains do not act
-    acts = run.run.control.mode != "motion" or bool(run.run.locked)
-    gain = np.array([stage.drive.gain if acts else 1.0 for stage in robot.stages])
+    gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in robot.stages])
     bias = np.array([stage.sensor.torque_offset for stage in robot.stages])
     tau = (inertia * run.ddq + friction + (1.0 + slope) * passed) / gain
     if not imposed:

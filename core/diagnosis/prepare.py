@@ -90,6 +90,11 @@ class Prepared:
         """Up to which frequency [Hz] its motion is told from noise, of what is compared."""
         return min(self.band, self.moves_below)
 
+    @property
+    def gains_act(self) -> bool:
+        """Whether a motor's gain shows: not where a motion is imposed, but for a motor whose arm is clamped."""
+        return self.run.control.mode != "motion" or bool(self.run.locked)
+
     def bridged(self, name: str) -> Mask:
         """Where a signal is smeared by what was bridged: as far from a hole as the smoothing reaches, shape (m, n)."""
         return widened(self.missing[name], self.edge)

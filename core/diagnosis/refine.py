@@ -52,8 +52,9 @@ LIGHTEST = 0.9
 SHORTEST_PART = 0.05
 # numbers that a turn leaves what they are, beside phases
 _ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta", "beta")}
+BEARING = "joint_compliance_6d"
 # what a bearing's direction must add to the log evidence not to be rigid
-BEARING, TOLD = "joint_compliance_6d", 1.0
+GIVES = 1.0
 # one standard deviation of a number that no run shows, in its size
 TIMES = 3.0
 # of what is known of a number the part that the runs must say
@@ -206,7 +207,7 @@ def stiffened(
         for name in _gives(rows[key])[:-1]:
             rigid = EffectRow(key[1], {**rows[key].values, name: math.inf, "b" + name[1:]: 0.0})
             rest = left_with(problem, whiten, tables({**rows, key: rigid}))
-            if 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2)) < TOLD:
+            if 0.5 * float(np.sum((rest / sigma) ** 2) - np.sum((left / sigma) ** 2)) < GIVES:
                 rows[key] = rigid
     return rows
 
