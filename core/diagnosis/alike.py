@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,9 +12,10 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .fit import blocks, gained, spread
-from .hypotheses import clamped, twins_of
+from .hypotheses import clamped, defaults, possible, twins_of
 from .problem import Problem
 from .refine import Refined, refined
+from .resonance import DAMPING, TURNING
 from .search import (
     ALIKE,
     ALIKE_SHARE,
@@ -25,7 +27,7 @@ from .search import (
     rows_of,
     without_bodies,
 )
-from .stiffening import STIFFENING
+from .stiffening import SPRINGS, STIFFENING
 from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
@@ -34,6 +36,8 @@ Vector = NDArray[np.float64]
 TRIED = 5
 # a first look by signatures may be off by this much of the gap's energy; of what is linear, this much
 FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
+# and springs that are as stiff as one that was found
+MOST_SPRINGS = 3
 # cosine between what two names of one thing take away: as much may be gained elsewhere by another cause
 SAME = 0.5
 
@@ -104,13 +108,15 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             key = contender.hypothesis.key
             tried.append(Found(*key, rows[key[0]][0], contender.gain))
     there = {one.key for one in (*found, *tried)}
-    for drive in _drives_instead(problem, item):
-        if drive.key in there:
-            continue
-        left = whiten(problem.misfit(rows_of([*state.found, drive])))
-        if float(left @ left) - whole < FIRST_LOOK * energy:
-            tried.append(drive)
-            there.add(drive.key)
+    nearest: list[tuple[float, Found]] = []
+    for spring in _springs_instead(problem, item):
+        if spring.key not in there:
+            left = whiten(problem.misfit(rows_of([*state.found, spring])))
+            nearest.append((float(left @ left), spring))
+    for left, spring in sorted(nearest, key=lambda one: one[0]):
+        if left - whole < FIRST_LOOK * energy and spring.key not in there and len(tried) < TRIED + MOST_SPRINGS:
+            tried.append(spring)
+            there.add(spring.key)
     out: list[Alike] = []
     for one in tried:
         key = one.key
@@ -133,23 +139,33 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
 
 
-def _drives_instead(problem: Problem, item: Found) -> list[Found]:
-    """Turning drives as stiff as an arm or a bearing that was found: a joint's own axis may be the one that gives.
+def _springs_instead(problem: Problem, item: Found) -> list[Found]:
+    """Drives, bearings and arms as stiff as a spring that was found: what gives beside it rings nearly as it does.
 
-    Signatures of springs hold near their own stiffness only, and a drive was hardly tried there.
+    Signatures of springs hold near their own stiffness only, and those were hardly tried there.
     """
-    directions = {"link_flexibility": ("ku", "kv"), "joint_compliance_6d": ("krx", "kry", "krz")}.get(item.effect, ())
-    springs = [
-        {"stiffness": item.row.values[name], "damping": item.row.values["b" + name[1:]]}
-        for name in directions
-        if math.isfinite(item.row.values[name])
+    values = item.row.values
+    ways = [
+        (values[name], values[DAMPING[name]])
+        for name in SPRINGS.get(item.effect, ())
+        if name in DAMPING and math.isfinite(values[name])
     ]
-    return [
-        Found("joint_compliance", at, EffectRow(at, spring), item.gain)
-        for spring in springs
-        for at, joint in enumerate(problem.database.joints, 1)
-        if joint.kind == "revolute" and problem.row_at("joint_compliance", at, {}) is None and not clamped(problem, at)
-    ]
+    if not ways:
+        return []
+    plain = {STIFFENING: values[STIFFENING]} if STIFFENING in values else {}
+    k, b = (float(np.mean([way[side] for way in ways])) for side in (0, 1))
+    out: list[Found] = []
+    for effect, columns in TURNING.items():
+        each = ways if effect == "joint_compliance" else [(k, b)]
+        for (stiffness, damping), at in itertools.product(each, range(1, problem.database.n + 1)):
+            turns = effect != "joint_compliance" or problem.database.joints[at - 1].kind == "revolute"
+            if not turns or clamped(problem, at) or not possible(problem, effect, at):
+                continue
+            if problem.row_at(effect, at, {}) is None:
+                row = defaults(effect) | plain
+                row |= dict.fromkeys(columns, stiffness) | {DAMPING[name]: damping for name in columns}
+                out.append(Found(effect, at, EffectRow(at, row), item.gain))
+    return out
 
 
 def _cosine(one: Vector, other: Vector) -> float:

@@ -125,7 +125,7 @@ class Evidence:
         mix = self.mixes[channel.run].get(channel.index) if self.mixes and channel.signal == "u" else None
         return values if mix is None else values - mix * raw["tau"][channel.index]
 
-    def heard(self, robots: Sequence[Robot], stiffening: Stiffening = ()) -> Evidence:
+    def heard(self, robots: Sequence[Robot], stiffening: Stiffening = (), *, exactly: bool = False) -> Evidence:
         """The same evidence in units of the noise that other robots make of what sensors say; itself where it is alike.
 
         What rings makes many times its sensors' noise of it where it rings: there a robot that is known to ring is
@@ -134,6 +134,7 @@ class Evidence:
         Args:
             robots: With their effects, one a run.
             stiffening: Which of their springs stiffen.
+            exactly: Where it is alike, too.
         """
         weights = np.ones_like(self.weights)
         mixes: list[dict[int, Vector]] = []
@@ -147,7 +148,9 @@ class Evidence:
             for channel in self.channels:
                 if channel.run == number:
                     weights[channel.first : channel.last] = 1.0 / noise[channel.signal][channel.index]
-        if not np.all(np.isfinite(weights)) or np.all(np.abs(np.log(weights / self.weights)) < ALIKE):
+        if not np.all(np.isfinite(weights)):
+            return self
+        if not exactly and np.all(np.abs(np.log(weights / self.weights)) < ALIKE):
             return self
         return replace(self, weights=weights, mixes=tuple(mixes), asks=tuple(asks))
 

@@ -185,7 +185,7 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     forms: list[Form] = []
 
     def shaped(said: str, torques: Sequence[Vector], up_to: float = 1.0) -> None:
-        forms.append(Form(said, _column(problem, i, torques), (-1.0, up_to)))
+        forms.append(Form(said, torque_column(problem, i, torques), (-1.0, up_to)))
 
     if item.effect in _ASIDE:
         both = zip(evidence.runs, made, strict=True)
@@ -220,10 +220,10 @@ def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
         width = knee * top
         beyond = [_ramp(x - top, width) - _ramp(-x - top, width) for x in wanted]
         less = [hard - (x - too_much) for hard, x, too_much in zip(cut, wanted, beyond, strict=True)]
-        forms.append(Form(SOFTLY_SAID, _column(problem, i, less, ("u",)), (0.0, 1.0)))
+        forms.append(Form(SOFTLY_SAID, torque_column(problem, i, less, ("u",)), (0.0, 1.0)))
     more = NEAR_LIMIT * top
     change = [np.clip(x, -top, top) - np.clip(x, -top - more, top + more) for x in wanted]
-    return [*forms, Form("", _column(problem, i, change, ("u",)))]
+    return [*forms, Form("", torque_column(problem, i, change, ("u",)))]
 
 
 def _ramp(x: Vector, width: float) -> Vector:
@@ -255,7 +255,7 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     ]
 
 
-def _column(problem: Problem, i: int, torques: Sequence[Vector], names: Sequence[str] = ("tau", "u")) -> Vector:
+def torque_column(problem: Problem, i: int, torques: Sequence[Vector], names: Sequence[str] = ("tau", "u")) -> Vector:
     """The change of the residual for more torque at a joint in every run, of that which moves it or of these."""
     evidence = problem.evidence
     parts: list[dict[str, list[Vector]]] = []

@@ -17,8 +17,8 @@ from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
 from .diagnosis import HowFar, Overlay, Rejected
-from .fit import blocks
-from .forms import STIFFENS_SAID, TWICE_SAID, is_wave
+from .fit import blocks, spread
+from .forms import STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
@@ -398,7 +398,8 @@ class Judge:
         """What holds without the friction that only follows, together, what grows faster than with a joint's speed.
 
         Coulomb's is less than it was known to be by as much as Stribeck's is more, and there is more viscous friction:
-        near rest nothing has changed, and above it what they make together is bent upwards, as no friction is.
+        near rest nothing has changed, and above it what they make together is bent upwards, as no friction is. Or
+        Coulomb's is less and viscous friction more, and what goes with the speed's square says as much as both.
         """
         before = {
             (name, row.at): row.values
@@ -408,17 +409,36 @@ class Judge:
         totals = {item.key: item.row.values for item in held.found}
         for joint in range(1, self.database.n + 1):
             laws = [(effect, joint) for effect in ("coulomb_friction", *BESIDE_IT)]
-            if laws[0] not in before or not all(law in totals for law in laws):
+            if laws[0] not in before or not all(law in totals for law in (laws[0], laws[2])):
                 continue
             less, more, faster = (
-                totals[law][name] - (before[law][name] if law in before else 0.0)
+                totals[law][name] - (before[law][name] if law in before else 0.0) if law in totals else 0.0
                 for law, name in zip(laws, ("torque", "torque", "coefficient"), strict=True)
             )
-            if less < 0.0 < faster and abs(less + more) < AS_MUCH * -less:
+            if not less < 0.0 < faster:
+                continue
+            follows = abs(less + more) < AS_MUCH * -less if laws[1] in totals else self._drags(held, laws)
+            if follows:
                 rest = self.held([item for item in held.found if item.key not in laws[:2]])
-                gone = tuple(Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2])
+                gone = tuple(
+                    Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2] if (effect, at) in totals
+                )
                 return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
         return held
+
+    def _drags(self, held: Held, laws: Collection[tuple[str, int]]) -> bool:
+        """Whether what goes with the square of a joint's speed says, with one number, as much as these laws of it."""
+        part, whiten = self.whole, self.whiten
+        parts = blocks(part.evidence)
+        both = refined(part, whiten, held.found, parts)
+        rest = refined(part, whiten, [item for item in held.found if item.key not in laws], parts)
+        i = next(at for _, at in laws) - 1
+        drag = whiten(torque_column(part, i, [run.dq[:, i] * np.abs(run.dq[:, i]) for run in part.evidence.runs]))
+        sigma = spread(both.left, parts)
+        slope = np.column_stack([drag, rest.slope]) / sigma[:, None]
+        left = rest.left / sigma
+        left = left - slope @ np.linalg.lstsq(slope, left, rcond=None)[0]
+        return 0.5 * (float(left @ left) - float(np.sum((both.left / sigma) ** 2))) < ALIKE
 
     def other_form(self, held: Held) -> Bent | None:
         """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
@@ -669,7 +689,9 @@ def _idle(
         helps.append(help_there - (HELPS if doubted else -HARMS))
     least = int(np.argmin(helps))
     item, gain = found[counts[least]], gains[counts[least]]
-    plain = total > PLAINLY and gain >= BEYOND_DOUBT
+    # where one moment decides (a limit that is reached once) all that is not sure is how often it comes
+    harmless = total > OTHER_FORM and sure[0] > -HARMS
+    plain = (total > PLAINLY or harmless) and gain >= BEYOND_DOUBT
     return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
 
 

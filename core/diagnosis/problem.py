@@ -82,10 +82,15 @@ class Problem:
         bodies = tuple(self.bodies[k] for k in sorted(chosen))
         return replace(self, bodies=bodies, evidence=self.evidence.only(chosen))
 
-    def heard(self, rows: Rows) -> Problem:
-        """The same question in units of the noise that a robot with these rows makes; itself where that is alike."""
+    def heard(self, rows: Rows, *, exactly: bool = False) -> Problem:
+        """The same question in units of the noise that a robot with these rows makes; itself where that is alike.
+
+        Args:
+            rows: What the robot has.
+            exactly: Where it is alike, too.
+        """
         try:
-            evidence = self.evidence.heard(self.robots(rows), stiffening_of(rows))
+            evidence = self.evidence.heard(self.robots(rows), stiffening_of(rows), exactly=exactly)
         except MbexportError:
             return self
         return self if evidence is self.evidence else replace(self, evidence=evidence)

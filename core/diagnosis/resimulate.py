@@ -48,6 +48,8 @@ PLAIN, FAST = 8.0, 0.02
 SETTLED = 2
 # a command is known through a gap of so many samples; times kd / kp until a controller has caught up with one
 GAP, CAUGHT_UP = 5.5, 6.0
+# steps of a run at most, of a robot with what a fit came to: some minutes with six joints
+AWAITED = 1.0e7
 # finer ticks where a delay is not a whole number of them
 FINER = 4
 
@@ -92,9 +94,12 @@ def resimulated_once(
         Signal -> values at run.t: (m, n), ee (m, 3), ee_rot (m, 4) as w x y z.
 
     Raises:
-        RefusedError: The backend refuses this robot or this run.
+        RefusedError: The backend refuses this robot or this run, or another robot than the known one, which may be
+            anything that a fit came to, takes so many steps that nobody waits for its end.
     """
     mode = mode_of(run)
+    if step is None and not run.locked and robot != nominal and (steps := steps_of(robot, run, backend)) > AWAITED:
+        raise RefusedError(f"{robot.name} with these effects takes {steps:.1g} steps for {run.name}: nobody awaits it.")
     if mode == "torque":
         return _in_windows(robot, run, backend, step)
     if mode == "unknown":
@@ -123,12 +128,13 @@ def resimulated(
     return resimulated_once(robot, nominal, run, backend, step=step, begun=begun)
 
 
-def steps_of(robot: Robot, run: Run, backend: str) -> float:
+def steps_of(robot: Robot, run: Run, backend: Backend | str) -> float:
     """How many steps an engine takes to simulate a run: what is stiff and light asks for short ones."""
     imposed = mode_of(run) in ("motion", "unknown")
     whole = expanded(robot, imposed=imposed)
     poses = whole.spread(poses_of(robot, run.motion()))
-    return run.duration / choose_step(whole.robot, backend_named(backend), imposed=imposed, poses=poses)
+    engine = backend_named(backend) if isinstance(backend, str) else backend
+    return run.duration / choose_step(whole.robot, engine, imposed=imposed, poses=poses)
 
 
 def mode_of(run: Run) -> str:

@@ -7,7 +7,7 @@ and frees their numbers.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -19,12 +19,13 @@ from .problem import Problem
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
-_KINDS: dict[str, tuple[str, ...]] = {
+# what turns, by effect, and what damps it
+TURNING: Mapping[str, tuple[str, ...]] = {
     "joint_compliance": ("stiffness",),
     "joint_compliance_6d": ("krx", "kry"),
     "link_flexibility": ("ku", "kv"),
 }
-_DAMPING = {"stiffness": "damping", "krx": "brx", "kry": "bry", "ku": "bu", "kv": "bv"}
+DAMPING: Mapping[str, str] = {"stiffness": "damping", "krx": "brx", "kry": "bry", "ku": "bu", "kv": "bv"}
 
 
 def springs(problem: Problem, rows: Rows, scales: Scales, skip: Collection[tuple[str, int]]) -> list[Hypothesis]:
@@ -36,9 +37,9 @@ def springs(problem: Problem, rows: Rows, scales: Scales, skip: Collection[tuple
         scales: Loads of the joints.
         skip: Effects and numbers of places.
     """
-    taken = {(name, row.at) for name in _KINDS for row in rows.get(name, ())} | set(skip)
+    taken = {(name, row.at) for name in TURNING for row in rows.get(name, ())} | set(skip)
     out: list[Hypothesis] = []
-    for name, columns in _KINDS.items():
+    for name, columns in TURNING.items():
         for at in range(1, problem.database.n + 1):
             known = problem.row_at(name, at, {})
             if (name, at) in taken or known is not None or not possible(problem, name, at) or clamped(problem, at):
@@ -60,7 +61,7 @@ def _spring(name: str, at: int, columns: tuple[str, ...], stiffness: float, iner
         out = defaults(name)
         for column, softer in zip(columns, beta.tolist(), strict=True):
             out[column] = stiffness * math.exp(-softer)
-            out[_DAMPING[column]] = DAMPED * 2.0 * math.sqrt(out[column] * inertia)
+            out[DAMPING[column]] = DAMPED * 2.0 * math.sqrt(out[column] * inertia)
         return out
 
     one = np.ones(len(columns))

@@ -37,7 +37,7 @@ from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
-from .refine import BEARING, Refined, free_columns, left_with, refined, removal
+from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs
 from .stiffening import SPRINGS, STIFFENING
 from .stiffer import stiffer
@@ -63,8 +63,6 @@ SAME_ENERGY = 0.02
 SIMPLER = 0.002
 # what is not linear is looked at closely where it explains this part of what the best does
 CLOSE = 0.6
-# the ways in which a bearing tilts
-_TILTS = ("krx", "kry")
 # every number more must explain this part more
 DEARER = 0.1
 # part of one channel's that is no crumb either: the loudest channel must not drown what another is about
@@ -273,7 +271,7 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
         prune(state, *instead, parts)
         _gather(state, parts, tell)
     _condense(state, parts)
-    _whole_bearing(state, parts)
+    _one_spring(state, parts)
     for _ in range(MOST_SWAPPED):
         if not _swapped(state, parts):
             break
@@ -369,22 +367,21 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
             prune(state, other.found, again, parts)
 
 
-def _whole_bearing(state: Search, parts: Sequence[Part]) -> None:
-    """Put a bearing that gives both ways in the place of one that gives one way and of another spring.
+def _one_spring(state: Search, parts: Sequence[Part]) -> None:
+    """Put one spring in the place of two that together say what it says alone.
 
-    A bearing tilts about the next joint's axis where both axes meet: with a drive there half of it says the rest.
+    Far from its own stiffness a spring hardly shows, and others are found for it: half of a bearing and the next drive,
+    whose axis it tilts about where both meet.
     """
-    problem, whiten = state.problem, state.whiten
+    problem = state.problem
     springs_there = [item for item in state.found if item.effect in SPRINGS]
-    for half, other in itertools.permutations(springs_there, 2):
-        gives = [name for name in _TILTS if math.isfinite(half.row.values.get(name, math.inf))]
-        if half.effect != BEARING or len(gives) != 1:
+    for two in itertools.combinations(springs_there, 2):
+        kept = [item for item in state.found if item not in two]
+        picked = _ringing(_in_place(state, kept, parts), parts, ())
+        if not picked:
             continue
-        way, damps = half.row.values[gives[0]], half.row.values["b" + gives[0][1:]]
-        both = {name: value for tilt in _TILTS for name, value in ((tilt, way), ("b" + tilt[1:], damps))}
-        whole = replace(half, row=EffectRow(half.at, {**half.row.values, **both}))
-        trial = [whole, *(item for item in state.found if item is not half and item is not other)]
-        fit = refined(problem, whiten, trial, parts)
+        trial = [*kept, *picked]
+        fit = refined(problem, state.whiten, trial, parts)
         sigma = spread(state.left, parts)
         worse = 0.5 * (_energy(fit.left / sigma) - _energy(state.left / sigma))
         if worse < THRESHOLD + 2.0 * (state.slope.shape[1] - fit.slope.shape[1]):
@@ -711,8 +708,18 @@ def _differences(problem: Problem, hypothesis: Hypothesis, rows: Rows, base: Vec
     return (r0, slope) if np.all(np.isfinite(slope)) and np.all(np.isfinite(r0)) else None
 
 
-def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender], parts: Sequence[Part]) -> Found | None:
-    """The best few with all their numbers free, together with what was found: the one that explains most."""
+def _tried(
+    state: Search,
+    good: Sequence[Contender],
+    order: Sequence[Contender],
+    parts: Sequence[Part],
+    *,
+    rings: bool = False,
+) -> Found | None:
+    """The best few with all their numbers free, together with what was found: the one that explains most.
+
+    Of springs that ring, each making its own noise, the likeliest by that.
+    """
     likely = [one for one in order if one.earns]
     # a name may be tried twice, in the likeliest of its forms and in the one that explains most
     tried: dict[int, tuple[Contender, Found, Refined]] = {}
@@ -743,6 +750,8 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
     earning = [entry for entry in scored if entry[0] >= THRESHOLD]
     if not earning:
         return None
+    if rings:
+        return _by_own_noise(state, [(gain, item, fit) for gain, _, item, fit in earning], parts)
     # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
     worth = [
         (_energy(state.left) - _energy(fit.left)) / (contender.price + DEARER * _stiffens(fit, item))
@@ -758,6 +767,29 @@ def _tried(state: Search, good: Sequence[Contender], order: Sequence[Contender],
         if entry[0] > best[0] - ALIKE or _energy(entry[3].left) < _energy(best[3].left) + margin
     )
     gain, _, item, fit = min(same, key=lambda entry: (len(entry[3].free), -entry[0]))
+    return replace(item, row=fit.rows[item.key], gain=gain)
+
+
+def _by_own_noise(state: Search, tried: Sequence[tuple[float, Found, Refined]], parts: Sequence[Part]) -> Found:
+    """Of springs, each with its gain and the fit with it, the one that is likeliest with the noise that it makes.
+
+    What rings makes many times its sensors' noise of it where it rings: in one noise for all the one that rings a
+    little beside the truth would win by what it makes of noise.
+    """
+    scored: list[tuple[float, float, Found, Refined]] = []
+    for gain, item, fit in tried:
+        trial = [*(replace(one, row=fit.rows[one.key]) for one in state.found), replace(item, row=fit.rows[item.key])]
+        problem = state.problem.heard(rows_of(trial), exactly=True)
+        whiten = state.whiten.told_by(state.problem.evidence, problem.evidence)
+        own = refined(problem, whiten, trial, parts)
+        sigma = spread(own.left, parts)
+        likely = float(np.sum(np.log(problem.evidence.weights / sigma)) + np.sum(np.log(whiten.shrink)))
+        likely -= 0.5 * _energy(own.left / sigma) + 2.0 * len(own.numbers_of(item.key))
+        scored.append((likely, gain, item, fit))
+    best = max(likely for likely, *_ in scored)
+    _, gain, item, fit = min(
+        (entry for entry in scored if entry[0] > best - ALIKE), key=lambda entry: (len(entry[3].free), -entry[0])
+    )
     return replace(item, row=fit.rows[item.key], gain=gain)
 
 
@@ -777,15 +809,8 @@ def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], 
     rest = [item for item in state.found if item.effect not in SPRINGS]
     there = {item.key for item in state.found}
     best: tuple[list[Found], Refined] | None = None
-    rung, beside_what = state.rung, state.rung_beside
-    if any(name in SPRINGS for name in beside_what):
-        # what springs change beside one that was found says nothing of what they change in its place
-        rung, beside_what = dict[tuple[str, int, str], Vector](), dict[str, tuple[EffectRow, ...]]()
     for kept in [[], rest] if 0 < len(rest) < len(state.found) else [[]]:
-        base = state.without(())
-        base.rung, base.rung_beside = rung, beside_what
-        if kept:
-            base.take(kept, refined(state.problem, state.whiten, kept, parts))
+        base = _in_place(state, kept, parts)
         picked = _ringing(base, parts, ())
         if not picked or picked[0].key in there:
             continue
@@ -793,6 +818,17 @@ def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], 
         if _energy(fit.left) < (_energy(best[1].left) if best else _energy(state.left)):
             best = [*kept, *picked], fit
     return best
+
+
+def _in_place(state: Search, kept: Sequence[Found], parts: Sequence[Part]) -> Search:
+    """The search as it stands with some of its findings, to look for springs in the place of the others."""
+    base = state.without(())
+    if any(name in SPRINGS for name in base.rung_beside):
+        # what springs change beside one that was found says nothing of what they change in its place
+        base.rung, base.rung_beside = {}, {}
+    if kept:
+        base.take(kept, refined(state.problem, state.whiten, kept, parts))
+    return base
 
 
 def _loud(state: Search) -> float:
@@ -827,7 +863,7 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
         for energy, hypothesis, left in tried
     ]
     good = [one for one in good if one.earns]
-    winner = _tried(state, good, good, parts)
+    winner = _tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
 
 

@@ -18,6 +18,7 @@ from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.search import Found, Search, contenders
 from mbexport.core.diagnosis.unseen import Split, in_parts, splits
 from mbexport.core.effects import EffectRow
@@ -246,6 +247,12 @@ def test_what_does_not_help_unseen_runs_is_dropped():
     plain = dict(zip(names, (0.1, 0.2), strict=True))
     assert _idle([one, other], (20.0, 20.0), far(0.4, plain, (-0.1, 0.7))) is None
     assert _idle([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None
+    # and where one moment decides how far, but nothing gets worse
+    once = dict(zip(names, (0.02, 0.08), strict=True))
+    assert _idle([one, other], (20.0, 20.0), far(0.1, once, (-0.001, 0.2))) is None
+    assert _idle([one, other], (20.0, 5.0), far(0.1, once, (-0.001, 0.2))) is not None
+    crumb = dict(zip(names, (0.02, 0.03), strict=True))
+    assert _idle([one, other], (20.0, 20.0), far(0.04, crumb, (-0.001, 0.2))) is not None
 
 
 @pytest.mark.parametrize("effect", ["delay", "joint_compliance", "joint_compliance_6d", "link_flexibility"])
@@ -367,6 +374,14 @@ RUBS = {
 }
 
 
+def drags(t, q, dq):
+    return 0.08 * np.sign(dq) + 0.02 * dq + 0.05 * dq * abs(dq)
+
+
+def rubs_otherwise(t, q, dq):
+    return 0.03 * np.sign(dq) + 0.08 * dq
+
+
 @pytest.mark.parametrize(
     ("coulomb", "stribeck", "viscous", "growing"),
     [
@@ -405,6 +420,30 @@ def test_what_grows_faster_than_with_speed_is_no_friction(monkeypatch, coulomb, 
         ]
     else:
         assert rest is held
+
+
+@pytest.mark.parametrize(("against", "growing"), [(drags, 1), (rubs_otherwise, 0)])
+def test_a_drag_is_no_less_coulomb_and_more_viscous_friction(monkeypatch, against, growing):
+    """To the last part two laws of friction follow it; one number says as much."""
+    database = replace(load("pendulum"), effects=FrozenMap(RUBS))
+    seen = [pendulum_run(against=against, seed=seed) for seed in (1, 2)]
+    asked = problem(database, "full", seen)
+    judge = Judge(database, "full", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), seen)
+    begun = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.07}), 50.0),
+        Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.05}), 50.0),
+    ]
+    fit = refined(asked, judge.whiten, begun, blocks(asked.evidence))
+    found = tuple(replace(item, row=fit.rows[item.key]) for item in begun)
+    assert found[0].row.values["torque"] < 0.08
+    assert found[1].row.values["coefficient"] > 0.02
+    far = HowFar({}, {}, {}, 0.9, (0.8, 1.0), {})
+    held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
+    monkeypatch.setattr(Judge, "held", lambda _, kept: replace(held, found=tuple(kept)))
+    rest = judge.without_growing(held)
+    assert rest.growing == growing
+    assert [item.effect for item in rest.found] == ["coulomb_friction", "viscous_friction"][growing:]
+    assert [(item.effect, item.at) for item in rest.dropped] == [("coulomb_friction", "joint_1")][:growing]
 
 
 def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_the_fitted_runs(monkeypatch):

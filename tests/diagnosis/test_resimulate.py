@@ -27,7 +27,7 @@ from mbexport.core.diagnosis.resimulate import (
     start_of,
 )
 from mbexport.core.effects import EffectRow
-from mbexport.core.errors import UsageError
+from mbexport.core.errors import RefusedError, UsageError
 from mbexport.core.kinematics import dynamics
 from mbexport.core.simulation import simulate
 
@@ -227,6 +227,16 @@ def test_inverse_dynamics_and_simulation_agree_on_whether_a_motors_constant_acts
     simulated = np.interp(grid.t, run.t, resimulated(weak, robot(run), run, "mjcf")["tau"][:, 0])
     inside = slice(100, -100)
     assert rms((along - simulated)[inside]) < 0.02 * rms(simulated[inside])
+
+
+def test_a_robot_that_a_fit_came_to_and_nobody_awaits_is_refused(monkeypatch):
+    """As the robot is known it takes what it takes."""
+    run = pendulum_run()
+    monkeypatch.setattr("mbexport.core.diagnosis.resimulate.AWAITED", 100.0)
+    assert set(resimulated(robot(run), robot(run), run, "mjcf")) >= {"q", "tau"}
+    rubs = robot(run, viscous_friction=[EffectRow(1, FrozenMap({"coefficient": 0.123}))])
+    with pytest.raises(RefusedError, match=r"takes [0-9e+.]+ steps for"):
+        resimulated(rubs, robot(run), run, "mjcf")
 
 
 def test_a_run_that_begins_moving_begins_so():

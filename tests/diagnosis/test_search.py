@@ -13,7 +13,7 @@ from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import inverse, refine
 from mbexport.core.diagnosis import search as searching
-from mbexport.core.diagnosis.alike import Alike, _drives_instead, alike
+from mbexport.core.diagnosis.alike import Alike, _springs_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
@@ -441,7 +441,7 @@ def test_springs_tried_alone_are_remembered(monkeypatch):
     whiten = whitening(asked)
     state = Search(asked, whiten, scales=scales_of(asked, {}))
     state.begin()
-    monkeypatch.setattr(searching, "_tried", lambda state, good, order, parts: list(good))
+    monkeypatch.setattr(searching, "_tried", lambda state, good, *_, **__: list(good))
     (first,) = _ringing(state, blocks(asked.evidence), ())
     counted = []
     monkeypatch.setattr(type(asked), "misfit", lambda self, rows: counted.append(rows))
@@ -489,10 +489,42 @@ def test_a_bearing_that_gives_both_ways_is_not_half_of_one_and_the_next_joints_d
     drive = Found("joint_compliance", 2, EffectRow(2, {"stiffness": 3.8e4, "damping": 50.0}), 50.0)
     state = Search(asked, whiten)
     state.take([half, drive], refined(asked, whiten, [half, drive], parts))
-    searching._whole_bearing(state, parts)
+    state.scales = scales_of(asked, {})
+    searching._one_spring(state, parts)
     assert [item.key for item in state.found] == [("joint_compliance_6d", 1)]
     row = state.found[0].row.values
     assert [row["krx"], row["kry"]] == pytest.approx([4.0e4, 4.0e4], rel=0.02)
+
+
+def test_of_springs_that_ring_each_is_judged_with_the_noise_that_it_makes(monkeypatch):
+    """In the noise of a rigid robot the one that follows the noise a little better would win."""
+    one, other = (Found(name, 1, EffectRow(1, {"stiffness": 1.0}), 0.0) for name in ("joint_compliance", "backlash"))
+    rings = slice(20, 25)
+    noise = {one.effect: np.ones(50), other.effect: np.ones(50)}
+    noise[one.effect][rings] = 10.0
+    # in units of the rigid robot's noise
+    leaves = {one.effect: np.ones(50), other.effect: np.ones(50)}
+    leaves[one.effect][rings], leaves[other.effect][rings] = 10.0, 6.0
+
+    def heard_as(weights):
+        evidence = SimpleNamespace(weights=weights)
+        return SimpleNamespace(evidence=evidence, heard=lambda rows, exactly: heard_as(1.0 / noise[next(iter(rows))]))
+
+    def fitted(asked, _, trial, parts):
+        (item,) = trial
+        left = leaves[item.effect] * asked.evidence.weights
+        return SimpleNamespace(rows={item.key: item.row}, left=left, free=(1, 2), numbers_of=lambda key: [0, 1])
+
+    monkeypatch.setattr(searching, "refined", fitted)
+    plain = heard_as(np.ones(50))
+    whiten = SimpleNamespace(shrink=np.ones(0), told_by=lambda before, now: whiten)
+    state = SimpleNamespace(problem=plain, whiten=whiten, found=[])
+    tried = [(50.0, item, fitted(plain, whiten, [item], [])) for item in (one, other)]
+    left = [float(fit.left @ fit.left) for *_, fit in tried]
+    assert left[1] < left[0]
+    assert searching._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == one.key
+    noise[one.effect][:] = 1.0
+    assert searching._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == other.key
 
 
 def test_springs_whose_motion_cannot_be_worked_out_say_nothing(monkeypatch):
@@ -868,16 +900,22 @@ def test_no_other_form_of_a_law_stands_at_a_limit():
     assert said == [True, True, False]
 
 
-def test_a_drive_as_stiff_as_an_arm_is_tried_in_its_place():
+def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place():
     asked = question()
-    arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5}
-    (drive,) = _drives_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
-    assert (drive.key, drive.row.values) == (("joint_compliance", 1), {"stiffness": 900.0, "damping": 0.5})
+    arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5, "stiffening": 7.0}
+    drive, bearing, bend = _springs_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
+    assert drive.key == ("joint_compliance", 1)
+    assert drive.row.values == {"stiffness": 900.0, "damping": 0.5, "stiffening": 7.0}
+    tilts = {"krx": 900.0, "kry": 900.0, "brx": 0.5, "bry": 0.5, "stiffening": 7.0}
+    assert (bearing.key, bearing.row.values) == (("joint_compliance_6d", 1), RIGID_BEARING | tilts)
+    bends = {"ku": 900.0, "kv": 900.0, "bu": 0.5, "bv": 0.5, "at": 0.5, "stiffening": 7.0}
+    assert (bend.key, bend.row.values) == (("link_flexibility", 1), bends)
     slide = replace(
         asked, database=replace(asked.database, joints=(replace(asked.database.joints[0], kind="prismatic"),))
     )
-    assert _drives_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0)) == []
-    assert _drives_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
+    tried = _springs_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
+    assert [item.effect for item in tried] == ["joint_compliance_6d", "link_flexibility"]
+    assert _springs_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
 
 
 def test_a_number_that_stayed_where_it_began_has_not_been_judged():
