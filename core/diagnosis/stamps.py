@@ -30,6 +30,8 @@ FURTHEST = 3.0
 HOLE = 0.6
 # a shift so near to whole samples is one of whole samples
 WHOLE = 0.1
+# of one channel alone, to which a drag says nearly the same: so near to whole samples, where it leaves such a part
+ALONE, MOST_LEFT = 0.02, 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +60,8 @@ def shift_of(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> float:
     and tool were recorded at one instant, so that their shifts differ.
     """
     told = _told(run, simulated, noise)
+    if len(told) == 1 and not run.has("tau"):
+        return _alone(told[0], run.rate)
     if len(told) < 2 or (run.has("tau") and not any(one.signal == "tau" for one in told)):
         return 0.0
     return _common(told, run.rate)
@@ -137,6 +141,13 @@ def _told(run: Run, simulated: Mapping[str, Vector], noise: Noise) -> list[_Told
                 before, after = (float(np.sum(x**2)) / one**2 - len(here) for x in (here, here + shift * rate))
                 told.append(_Told(name, i, shift, float(error), before, after))
     return told
+
+
+def _alone(one: _Told, rate: float) -> float:
+    """The shift that the only channel says [s], where it is one of whole samples, as a drag's is by chance only."""
+    samples = round(one.shift * rate)
+    whole = samples != 0 and abs(one.shift * rate - samples) < ALONE and abs(one.shift) < FURTHEST / rate
+    return samples / rate if whole and one.after < MOST_LEFT * one.before else 0.0
 
 
 def _common(told: Sequence[_Told], rate: float) -> float:

@@ -68,6 +68,23 @@ def test_positions_alone_tell_late_stamps_from_friction():
     assert "Viscous friction" not in shift_said(pendulum_run("pd"), 0.004)
 
 
+def test_one_channel_alone_is_late_by_whole_samples_only():
+    """A drag makes it late by any part of one."""
+
+    def alone(run):
+        return replace(run, signals={"q": run.signals["q"], "q_cmd": run.signals["q_cmd"]})
+
+    late = alone(pendulum_run("pd", late=0.004))
+    assert shift_in(late) == pytest.approx(round(0.004 * late.rate) / late.rate)
+    for run in (
+        pendulum_run("pd", late=0.0037),
+        pendulum_run("pd", lambda t, q, dq: 0.4 * dq),
+        pendulum_run("pd", lambda t, q, dq: 0.3 * np.tanh(dq / 2e-3)),
+        pendulum_run("pd"),
+    ):
+        assert shift_in(alone(run)) == 0.0
+
+
 def test_a_late_drive_is_no_late_stamp():
     past: dict[float, float] = {}
 
