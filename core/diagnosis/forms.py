@@ -8,7 +8,7 @@ another finding at its joint and without. And what all findings leave may be the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
@@ -38,6 +38,8 @@ _POWERS: dict[str, tuple[float, ...]] = {
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }
+# what weighs on every joint before it
+BODIES = ("link_inertia", "payload")
 # over which parts of a limit it may come softly, and by which part of it that is known as much
 KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
 # what is said of a law that is so
@@ -77,19 +79,20 @@ def beyond_forms(
     Args:
         problem: The runs.
         whiten: Their nuisances, which are out of the rest already.
-        found: Findings: those that say more than the k-th does at its joint may have laws of other forms.
+        found: Findings: those that say more than the k-th does at its joint may have laws of other forms; where that
+            is a body, at a joint that bears it.
         k: Its place.
     """
-    item = found[k]
-    if effect_named(item.effect).key != "joint" or item.effect == "torque_limit":
-        # where a drive stands at its limit no law of another form says so
+    bears = _bears(problem, found[k])
+    others = [
+        j for j, one in enumerate(found) if j != k and effect_named(one.effect).key == "joint" and one.at in bears
+    ]
+    if not others:
         return None
-    at_joint = [j for j, one in enumerate(found) if one.at == item.at and effect_named(one.effect).key == "joint"]
-    if at_joint == [k]:
-        return None
-    every = problem.spoken(rows_of(found))
-    sizes = {j: _size(every, _without(problem, found, j), item.at) for j in at_joint}
-    larger = [j for j, size in sizes.items() if j != k and size > sizes[k]]
+    every, without = problem.spoken(rows_of(found)), _without(problem, found, k)
+    larger = [
+        j for j in others if _size(every, _without(problem, found, j), found[j].at) > _size(every, without, found[j].at)
+    ]
     forms = [form for j in larger for form in _forms(problem, found, j, every)]
     if not forms:
         return None
@@ -99,6 +102,16 @@ def beyond_forms(
         return np.asarray(left + slope @ _amounts(forms, slope, left), dtype=np.float64)
 
     return beyond
+
+
+def _bears(problem: Problem, item: Found) -> Collection[int]:
+    """Joints, from 1, at which laws of another form may say what a finding does."""
+    if item.effect == "torque_limit":
+        # where a drive stands at its limit no law of another form says so
+        return ()
+    if item.effect in BODIES:
+        return range(1, (item.at or problem.database.n) + 1)
+    return (item.at,) if effect_named(item.effect).key == "joint" else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

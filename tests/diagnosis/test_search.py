@@ -17,7 +17,7 @@ from mbexport.core.diagnosis.alike import Alike, _springs_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
-from mbexport.core.diagnosis.held import GONE, OTHER_LAW, WILD, Judge
+from mbexport.core.diagnosis.held import GONE, MOST_LEFT, OTHER_LAW, WILD, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
@@ -866,6 +866,25 @@ def test_friction_that_is_not_the_same_both_ways_is_no_second_cause(second, row,
     found, _, dropped = judge._kept(both)
     assert [item.effect for item in found] == [item.effect for item in both[:kept]]
     assert [item.why for item in dropped] == [OTHER_LAW] * (2 - kept)
+
+
+@pytest.mark.parametrize(("weight", "its_own"), [(0.0, False), (1.5, True)])
+def test_a_spring_that_stiffens_on_its_way_is_no_body_beside_it(weight, its_own):
+    """A joint bears every arm behind it: what its law's form leaves is no arm's; a real one beside it is."""
+
+    def against(t, q, dq):
+        return 1.5 * q + 0.2 * q**3 + weight * (math.sin(q) + 0.05 * float(command(t)[2]))
+
+    runs = [pendulum_run("motion", against, seed=k) for k in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    # weight that helps the spring where that is harder than in the mean
+    arm = dict.fromkeys(COLUMNS, 0.0) | {"mx": 0.05 + weight / 9.81, "Iyy": 0.05 * weight, "Izz": 0.05 * weight}
+    both = [
+        Found("joint_spring", 1, EffectRow(1, {"stiffness": 2.0, "rest": 0.0}), 50.0),
+        Found("link_inertia", 1, EffectRow(1, arm), 50.0),
+    ]
+    worth = judged(asked, whitening(asked), both, splits(2, 0))
+    assert (worth.own[1] >= MOST_LEFT) == its_own
 
 
 @pytest.mark.parametrize(
