@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .evidence import coefficients
+from .hypotheses import BODIES
 from .inverse import Said
 from .nuisances import Whitening
 from .problem import Problem
@@ -38,8 +39,6 @@ _POWERS: dict[str, tuple[float, ...]] = {
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }
-# what weighs on every joint before it
-BODIES = ("link_inertia", "payload")
 # over which parts of a limit it may come softly, and by which part of it that is known as much
 KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
 # what is said of a law that is so

@@ -21,6 +21,7 @@ from ..errors import MbexportError
 from ..parallel import side_by_side
 from .fit import Linear, Part, blocks, edges_of, gained, linear, spread
 from .hypotheses import (
+    BODIES,
     GIVING,
     STEP,
     TENSOR,
@@ -375,9 +376,11 @@ def _one_spring(state: Search, parts: Sequence[Part]) -> None:
     """
     problem = state.problem
     springs_there = [item for item in state.found if item.effect in SPRINGS]
+    base = state
     for two in itertools.combinations(springs_there, 2):
         kept = [item for item in state.found if item not in two]
-        picked = _ringing(_in_place(state, kept, parts), parts, ())
+        base = _in_place(base, kept, parts)
+        picked = _ringing(base, parts, ())
         if not picked:
             continue
         trial = [*kept, *picked]
@@ -445,7 +448,7 @@ def _best_alone(state: Search) -> float:
 
 def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
     """Findings with which an arm is no body that can exist."""
-    heavy = [item for item in found if item.effect in ("link_inertia", "payload")]
+    heavy = [item for item in found if item.effect in BODIES]
     if not heavy:
         return set()
     faults = problem.impossible(rows_of(found))
@@ -474,7 +477,7 @@ def at_points(problem: Problem, found: Sequence[Found], unreal: Collection[tuple
     """
 
     def spread_out(item: Found) -> bool:
-        heavy = item.effect in ("link_inertia", "payload")
+        heavy = item.effect in BODIES
         return item.key in unreal and heavy and any(item.row.values[name] for name in TENSOR)
 
     def point(item: Found) -> Found:
@@ -809,8 +812,9 @@ def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], 
     rest = [item for item in state.found if item.effect not in SPRINGS]
     there = {item.key for item in state.found}
     best: tuple[list[Found], Refined] | None = None
+    base = state
     for kept in [[], rest] if 0 < len(rest) < len(state.found) else [[]]:
-        base = _in_place(state, kept, parts)
+        base = _in_place(base, kept, parts)
         picked = _ringing(base, parts, ())
         if not picked or picked[0].key in there:
             continue
@@ -821,10 +825,11 @@ def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], 
 
 
 def _in_place(state: Search, kept: Sequence[Found], parts: Sequence[Part]) -> Search:
-    """The search as it stands with some of its findings, to look for springs in the place of the others."""
+    """A search that knows what another one does, with some of its findings: for springs in the place of the rest."""
     base = state.without(())
-    if any(name in SPRINGS for name in base.rung_beside):
-        # what springs change beside one that was found says nothing of what they change in its place
+    if not base.rung or any(name in SPRINGS for name in base.rung_beside):
+        # what springs change beside one that was found says nothing of what they change in its place; and a memory that
+        # begins here is of these findings, not of those of the search that asks
         base.rung, base.rung_beside = {}, {}
     if kept:
         base.take(kept, refined(state.problem, state.whiten, kept, parts))

@@ -249,7 +249,8 @@ def how_far_in_words(diagnosis: Diagnosis) -> str:
         )
     interval = ""
     if how_far.ci95 is not None:
-        interval = f" (95 % interval {100 * how_far.ci95[0]:.0f} to {100 * how_far.ci95[1]:.0f} %)"
+        low, high = map(percent, how_far.ci95)
+        interval = f" (95 % interval {low.removesuffix(' %')} to {high})"
     text = f"With {'it' if len(diagnosis.which) == 1 else 'them'} in the model the gap shrinks by "
     return f"{text}{percent(how_far.shrinks_by)}{interval} on runs that no fit saw."
 

@@ -111,6 +111,7 @@ def test_how_far_says_what_cannot_be_said(explained, no_gap):
     assert told() == (
         "With it in the model the gap shrinks by 93 % (95 % interval 91 to 95 %) on runs that no fit saw."
     )
+    assert "(95 % interval 0 to 16 %)" in told(ci95=(-1e-5, 0.16))
     assert "cannot be said" in told(shrinks_by=None, ci95=None)
     assert "grows by 20 %" in told(shrinks_by=-0.2, ci95=(-0.3, -0.1))
     assert how_far_in_words(no_gap) == ""
