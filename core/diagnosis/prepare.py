@@ -177,6 +177,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     width = band if band is not None else min(HIGHEST_BAND, 0.2 * run.rate) if imposed else band_of(run)
     fine = np.arange(int(np.floor(run.t[-1] * run.rate + 1e-6)) + 1) / run.rate
     every = max(1, round(run.rate / HIGHEST_RATE), int(run.rate / max(SAMPLES * width, LOWEST_RATE)))
+    if run.locked:
+        every = max(1, round(run.rate / HIGHEST_RATE))
     t = fine[::every]
     corner = min(width / KEPT, 0.45 * run.rate)
     sos = signal.butter(ORDER, corner, fs=run.rate, output="sos")
@@ -196,7 +198,9 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
         if name in ("dq", "dq_cmd", "ddq_cmd", "q_cmd"):
             continue
         whole, hole = _on(fine, run, values)
-        smooth = np.asarray(signal.sosfiltfilt(sos, whole, axis=0)) if name != "tau_cmd" else whole
+        # friction of a clamped motor that turns back is left out sample by sample: smoothing would spread its steps
+        sharp = name == "tau_cmd" or (name == "tau" and bool(run.locked))
+        smooth = whole if sharp else np.asarray(signal.sosfiltfilt(sos, whole, axis=0))
         if name == "q" and imposed:
             motion = _as_told(run, t)
         elif name == "q":

@@ -284,10 +284,17 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
     problem, whiten = state.problem, state.whiten
     most = 3 * problem.database.n + MORE_THAN_USUAL
     failed: list[set[tuple[str, int]]] = []
+    let_go = False
     while len(state.found) < most:
         before = list(state.found)
         out = sorted(set[tuple[str, int]]().union(*failed))
-        picked = _picked(state, parts, most - len(before), out) or _ringing(state, parts, out)
+        picked = _picked(state, parts, most - len(before), out)
+        if not picked and not let_go and (giving := _letting_go(state, parts)):
+            # judged when there is something beside it
+            let_go, kept = True, [*before, *giving]
+            state.take(kept, refined(problem, whiten, kept, parts))
+            continue
+        picked = picked or _ringing(state, parts, out)
         if not picked:
             break
         if tell:
@@ -318,6 +325,24 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
             failed.append({item.key for item in picked})
             if len(failed) == MOST_FAILED:
                 break
+    if let_go:
+        prune(state, state.found, refined(problem, whiten, state.found, parts), parts)
+
+
+def _letting_go(state: Search, parts: Sequence[Part]) -> list[Found]:
+    """The likeliest of what may give before each clamped output whose motor moves, where none is found.
+
+    It need not be felt: in a clearance that is wider than the motor's way there is friction alone.
+    """
+    problem = state.problem
+    gives = {item.at for item in state.found if item.effect in GIVING}
+    likeliest: dict[int, Found] = {}
+    for contender in contenders(state, parts):
+        one = contender.hypothesis
+        rows = one.rows(contender.beta) if one.effect in GIVING else None
+        if rows is not None and one.at not in gives and one.at not in likeliest and clamped(problem, one.at):
+            likeliest[one.at] = _found(contender, rows)
+    return [likeliest[at] for at in sorted(likeliest)]
 
 
 def _beside_or_more(found: Sequence[Found], picked: Sequence[Found]) -> list[Found]:

@@ -35,7 +35,7 @@ def spring(stretch, gap):
     return STIFFNESS * np.sign(stretch) * np.maximum(np.abs(stretch) - 0.5 * gap, 0.0)
 
 
-def clamped_run(gap=0.0, seed=0, rate=100.0, duration=4.0, **signals):
+def clamped_run(gap=0.0, seed=0, rate=250.0, duration=4.0, **signals):
     """A motor wound up and back, twice a run, before an arm that stands at CLAMPED."""
     t = np.arange(round(rate * duration)) / rate
     turns = 2.0 * np.pi / duration * (2.0 + 0.1 * seed)
@@ -52,6 +52,7 @@ def clamped_run(gap=0.0, seed=0, rate=100.0, duration=4.0, **signals):
         control=Control("unknown"),
         noise={"q": np.array([1e-6]), "tau": np.array([0.02])},
         locked=(1,),
+        rate=rate,
     )
 
 
@@ -83,7 +84,7 @@ def test_a_rigid_motor_bears_neither_the_arms_weight_nor_its_inertia():
 def test_the_arm_stands_in_the_middle_of_what_the_motor_does_without_a_load():
     assert clamped_at(prepared(clamped_run()), 1) == pytest.approx(CLAMPED, abs=1e-3)
     # a second encoder knows better
-    told = clamped_run(q_link=np.full((400, 1), 0.31))
+    told = clamped_run(q_link=np.full((1000, 1), 0.31))
     assert clamped_at(prepared(told), 1) == pytest.approx(0.31, abs=1e-9)
 
 
