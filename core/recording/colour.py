@@ -40,6 +40,10 @@ _LOWEST_CORNER = 0.25
 _LONG = 24
 # twice the logarithm of a likelihood ratio from which a channel has another colour than those beside it
 _OTHER_COLOUR = 6.0
+# coefficients of an autoregression that add up to more are slow noise's
+_SLOW = 0.2
+# a variance that is known says something where it is so much more than quantisation's
+_MORE = 1.05
 # sizes of slow noise beside white that are tried, times the level
 _SIZES = np.exp(np.linspace(-2.5, 1.0, 15))
 
@@ -135,37 +139,54 @@ class _Upper:
         return 1.0 - _LOWEST_CORNER * np.pi * float(self.tools.starts[self.cut]) / self.tools.basis.shape[0]
 
 
-def coloured(channels: Sequence[tuple[Vector, float]]) -> list[Coloured]:
+def coloured(channels: Sequence[tuple[Vector, float, float]]) -> list[Coloured]:
     """Noise under clean stretches of channels that have sensors of one make.
 
     A slow colour is known badly from one channel, and what is compared lies where it is drawn on to: channels share
-    one, but for those that disagree with it.
+    one, but for those that disagree with it. Where the whole variance is known, what is seen at high frequencies is
+    enough to tell how slow the rest of it is.
 
     Args:
-        channels: Of each its stretches, shape (s, n), n one of `LENGTHS`, and the variance that is there at least and
-            is white (quantisation).
+        channels: Of each its stretches, shape (s, n), n one of `LENGTHS`, the variance that is there at least and is
+            white (quantisation), and the whole variance, nan where it isn't known.
     """
-    upper = [_upper(stretches, white) for stretches, white in channels]
+    upper = [_upper(stretches, white) for stretches, white, _ in channels]
     alone = [
         Coloured(white, np.zeros(0)) if one is None else _best_order(one)
-        for one, (_, white) in zip(upper, channels, strict=True)
+        for one, (_, white, _) in zip(upper, channels, strict=True)
     ]
     # a longer memory than one sample is a sensor of its own kind
     fit = {k: one for k, one in enumerate(upper) if one is not None and len(alone[k].ar) in (0, 1, _LONG)}
     curves = {k: _curve(one) for k, one in fit.items()}
-    while len(curves) > 1:
+    slope = _shared(curves)
+    if len(curves) > 1:
+        slope = min(slope, max(fit[k].highest for k in curves))
+        for k in curves:
+            alone[k] = _of_slope(fit[k], slope)
+    # what a size can tell is how slow noise of one memory is; white noise it would only make a little slow
+    there = {k: one for k, one in fit.items() if np.abs(alone[k].ar).sum() > _SLOW}
+    known = {k: channels[k][2] for k, one in there.items() if channels[k][2] > _MORE * one.white}
+    curves = {k: _curve_of_known(there[k], variance, alone[k]) for k, variance in known.items()}
+    curves = {k: curve for k, curve in curves.items() if curve.min() < _DISAGREES}
+    for k, curve in curves.items():
+        alone[k] = _of_known(there[k], known[k], _lowest_between(curve, int(np.argmin(curve))))
+    slope = _shared(curves)
+    for k in curves:
+        alone[k] = _of_known(there[k], known[k], slope)
+    return alone
+
+
+def _shared(curves: dict[int, Vector]) -> float:
+    """The slope at the lowest point of curves together; those that object to it are taken out of them."""
+    while curves:
         whole = np.sum(list(curves.values()), axis=0)
         best = int(np.argmin(whole))
         objects = {k: float(curve[best] - curve.min()) for k, curve in curves.items()}
         worst = max(objects, key=lambda k: objects[k])
-        if objects[worst] > _OTHER_COLOUR:
-            del curves[worst]
-            continue
-        slope = min(_lowest_between(whole, best), max(fit[k].highest for k in curves))
-        for k in curves:
-            alone[k] = _of_slope(fit[k], slope)
-        break
-    return alone
+        if len(curves) == 1 or objects[worst] <= _OTHER_COLOUR:
+            return _lowest_between(whole, best)
+        del curves[worst]
+    return 0.0
 
 
 def _upper(stretches: Vector, white: float) -> _Upper | None:
@@ -192,6 +213,29 @@ def _curve(one: _Upper) -> Vector:
     """-2 log likelihood of every slope that is tried, shape (k,)."""
     shapes = one.tools.variances[:, one.cut :]
     return np.array([_cost(one.energy, _models(one, shape), one.sizes).min() for shape in shapes])
+
+
+def _curve_of_known(one: _Upper, variance: float, free: Coloured) -> Vector:
+    """-2 log likelihood of every slope under a variance that is known, less that of a model free of it, shape (k,)."""
+    slow = (variance - one.white) / np.array([_spectrum(np.array([slope])).mean() for slope in _SLOPES])
+    models = slow[:, None] * one.tools.variances[:, one.cut :] + one.white
+    seen = np.array([_middle(energy, size) for energy, size in zip(one.energy.T, one.sizes, strict=True)])
+    costs = [
+        len(one.energy) * float((np.log(model) + seen / model) @ one.sizes) for model in (*models, _bands_of(one, free))
+    ]
+    return np.array(costs[:-1]) - costs[-1]
+
+
+def _bands_of(one: _Upper, noise: Coloured) -> Vector:
+    """Variances of the bands under noise that is known, shape (b,)."""
+    spectrum = _spectrum(noise.ar)
+    return noise.variance / float(spectrum.mean()) * (one.power @ spectrum)
+
+
+def _of_known(one: _Upper, variance: float, slope: float) -> Coloured:
+    """Noise of order 1 with a slope and a whole variance that are known."""
+    ar = np.array([slope])
+    return _whole(ar, (variance - one.white) / float(_spectrum(ar).mean()), one.white)
 
 
 def _lowest_between(curve: Vector, best: int) -> float:

@@ -26,6 +26,8 @@ _LOUDER, _MOVED = 1.5, 1.05
 _WHITE = 0.2
 # of the distances between neighbouring values, which may be one step: of a fast motion few are
 _SMALLEST = (0.02, 0.003, 0.0)
+# steps of time that differ by no more than this part of one are equal
+_EVEN = 1.0e-6
 # rows to either side from which slopes are taken, and steps beyond which a sample is too far away to be moved
 _ASIDE, _AWAY = 4, 1.2
 
@@ -100,14 +102,14 @@ def noise_alone(run: Run, signal: str) -> ChannelNoise:
     run = _evenly(run, signal)
     values = run.signals[signal]
     known = _motion_of(run)
-    variance, colours = _channels(run, values, steps, known)
+    stated = signal in run.noise
+    variance, colours = _channels(run, values, steps, known, run.noise[signal] if stated else None)
     step = np.where(np.isfinite(values).sum(axis=0) < LENGTHS[-1] // 2, 0.0, steps)
     orders = max(1, *(len(one) for one in colours))
     ar = np.array([np.pad(one, (0, orders - len(one))) for one in colours])
     if signal == "ee_rot":
         # a turn by a small angle moves the quaternion by half of it, square to itself
         variance, ar, step = np.array([4.0 / 3.0 * variance.sum()]), ar[[int(np.argmax(variance))]], 2.0 * step[:1]
-    stated = signal in run.noise
     sigma = np.sqrt(variance)
     if stated:
         sigma = np.broadcast_to(run.noise[signal], sigma.shape)
@@ -120,14 +122,16 @@ def _evenly(run: Run, signal: str) -> Run:
     What is at a time is the nearest sample, moved there along the motion's slope and bend, which are taken from far
     enough that no noise is averaged away.
     """
-    steps = np.diff(run.t) * run.rate
-    if np.abs(steps - 1.0).max() < JITTER or len(run.t) < 4 * _ASIDE:
+    steps = np.diff(run.t)
+    usual = float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+    # a fast joint goes far beyond its sensor's noise in a small part of a step
+    if np.abs(steps / usual - 1.0).max() < _EVEN or len(run.t) < 4 * _ASIDE:
         return run
-    grid = np.arange(int(run.t[-1] * run.rate + 1.0e-6) + 1) / run.rate
+    grid = np.arange(int(run.t[-1] / usual + 1.0e-6) + 1) * usual
     right = np.clip(np.searchsorted(run.t, grid), 1, len(run.t) - 1)
     near = np.where(grid - run.t[right - 1] < run.t[right] - grid, right - 1, right)
     away = grid - run.t[near]
-    lost = np.abs(away) * run.rate > _AWAY
+    lost = np.abs(away) > _AWAY * usual
     signals: dict[str, Vector] = {}
     for name in {"q", signal, *({"q_cmd"} & run.signals.keys())}:
         slope = _slope(run.signals[name], run.t)
@@ -194,8 +198,11 @@ def _motion_of(run: Run) -> _Motion:
     return _Motion(reversals, gaps)
 
 
-def _channels(run: Run, values: Vector, steps: Sequence[float], known: _Motion) -> tuple[Vector, list[Vector]]:
-    """Variance and autoregression of channels (m, n) with these quantisation steps."""
+def _channels(
+    run: Run, values: Vector, steps: Sequence[float], known: _Motion, sigma: Vector | None
+) -> tuple[Vector, list[Vector]]:
+    """Variance and autoregression of channels (m, n) with these quantisation steps, and sigma where it is known."""
+    whole = np.broadcast_to(np.nan if sigma is None else np.square(sigma), values.shape[1])
     white = [step**2 / 12.0 for step in steps]
     variance = np.zeros(values.shape[1])
     colours = [np.zeros(0) for _ in steps]
@@ -207,7 +214,7 @@ def _channels(run: Run, values: Vector, steps: Sequence[float], known: _Motion) 
         variance[i] = white[i]
         if stretches is not None:
             clean[i] = stretches
-    found = coloured([(stretches, white[i]) for i, stretches in clean.items()])
+    found = coloured([(stretches, white[i], float(whole[i])) for i, stretches in clean.items()])
     for i, noise in zip(clean, found, strict=True):
         variance[i], colours[i] = max(noise.variance, white[i]), noise.ar
     return variance, colours

@@ -163,6 +163,29 @@ def test_slow_noise_is_known_where_motions_are(step):
     assert np.quantile(ratios, 0.05) > 0.4
 
 
+@pytest.mark.parametrize("step", [0.0, 1.0])
+def test_a_known_size_tells_the_colour(step, motion=point_to_point):
+    """Where motions are, noise is known to a fifth of its power: what is seen above them is its only free part."""
+    true = (1.0 - 0.95**2) / abs(1.0 - 0.95 * np.exp(-2j * np.pi * 5.0 / RATE)) ** 2 + step**2 / 12.0
+    for seed in SEEDS:
+        run = recorded(motion, 0.95, step, seed)
+        whole = np.hypot(1.0, step / np.sqrt(12.0))
+        noise = {name: np.full(2, whole * sigma) for name, sigma in SIGMA.items()}
+        for name, sigma in SIGMA.items():
+            found = noise_of(run_of(run.t, run.signals, noise), name)
+            assert [at_five_hertz(found, k) for k in range(2)] == pytest.approx([sigma**2 * true] * 2, rel=0.2)
+
+
+@pytest.mark.parametrize("wrong", [0.4, 3.0])
+def test_a_stated_size_that_the_record_contradicts_makes_white_noise_no_slower(wrong):
+    run = recorded(swing)
+    stated = {name: np.full(2, wrong * sigma) for name, sigma in SIGMA.items()}
+    for name in SIGMA:
+        found = noise_of(run_of(run.t, run.signals, stated), name)
+        assert found.sigma == pytest.approx(stated[name])
+        assert not found.slow.any()
+
+
 def test_a_channel_of_another_colour_keeps_its_own():
     random = np.random.default_rng(5)
     t = np.arange(4000) / RATE
@@ -241,6 +264,17 @@ def test_steps_of_time_that_differ_are_no_noise(motion, slope, uneven):
         q = clean + SIGMA["q"] * noise
         found = noise_of(run_of(t, {"q_cmd": clean, "q": q}), "q")
         assert found.sigma == pytest.approx([SIGMA["q"]] * 2, rel=0.35 if slope else 0.15)
+
+
+def test_stamps_that_scatter_by_a_hundredth_of_a_step_are_no_noise():
+    """A fast joint goes five times its sensor's noise in that time."""
+    random = np.random.default_rng(7)
+    t = (np.arange(4000) + random.uniform(-0.01, 0.01, 4000)) / RATE
+    motion = np.column_stack([np.sin(3.0 * t), 1.1 * np.sin(2.5 * t)])
+    q = motion + 2e-6 * random.normal(size=motion.shape)
+    noise = noise_of(run_of(t, {"q_cmd": motion, "q": q}), "q")
+    assert noise.sigma == pytest.approx([2e-6] * 2, rel=0.1)
+    assert not noise.slow.any()
 
 
 def test_noise_of_the_tool():
