@@ -111,8 +111,8 @@ class Scales:
     """What is large for each joint in these runs, shapes (n,): rms torque, speed and acceleration, range, inertia.
 
     With what is left of every run's torque, and of its arm sides' positions where these were measured, shapes (m, n);
-    and the weight [N] that each joint bears, with the length [m] of the arms from there on, shapes (n,); and the
-    largest torque that the motion takes.
+    and the weight [N] that each joint bears, with the length [m] of the arms from there on, shapes (n,); the largest
+    torque that the motion takes; and the rms torque that goes through each drive to the arms.
     """
 
     torque: Vector
@@ -127,6 +127,7 @@ class Scales:
     weight: Vector = field(default_factory=lambda: np.zeros(0))
     lever: Vector = field(default_factory=lambda: np.zeros(0))
     peak: Vector = field(default_factory=lambda: np.zeros(0))
+    borne: Vector = field(default_factory=lambda: np.zeros(0))
 
 
 def _felt(run: Prepared, speech: Said) -> Vector | None:
@@ -139,7 +140,8 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
     evidence = problem.evidence
     robots = problem.robots(rows)
     spoken = problem.spoken(rows)
-    torque = np.sqrt(np.mean(np.concatenate([s.tau_link**2 for s in spoken]), axis=0))
+    borne = np.sqrt(np.mean(np.concatenate([s.tau_link**2 for s in spoken]), axis=0))
+    torque = borne
     # a joint that should carry nothing may still feel its friction
     felt = [values for run, s in zip(evidence.runs, spoken, strict=True) if (values := _felt(run, s)) is not None]
     if felt:
@@ -173,6 +175,7 @@ def scales_of(problem: Problem, rows: Rows) -> Scales:
         9.81 * np.maximum(np.cumsum(masses[::-1])[::-1], 0.001),
         np.maximum(np.cumsum(lengths[::-1])[::-1], 0.01 * reach),
         np.max([_hardest(run, speech) for run, speech in zip(evidence.runs, spoken, strict=True)], axis=0),
+        np.maximum(borne, 1e-6),
     )
 
 

@@ -48,7 +48,8 @@ def springs(problem: Problem, rows: Rows, scales: Scales, skip: Collection[tuple
             # as a rod bears itself
             load, inertia = weight * lever, weight / 9.81 * lever**2 / 3.0
             if name == "joint_compliance":
-                load, inertia = scales.torque[at - 1], scales.inertia[at - 1]
+                # a light arm behind a heavy rotor winds its drive up by its own load alone
+                load, inertia = scales.borne[at - 1], scales.inertia[at - 1]
             for give in np.geomspace(LEAST, MOST, STEPS).tolist():
                 out.append(_spring(name, at, columns, load / give, inertia))
     return out

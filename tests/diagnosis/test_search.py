@@ -57,7 +57,7 @@ from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
 from mbexport.core.simulation import simulate
 
-from .pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run
+from .pendulums import INERTIA, KD, KP, WEIGHT, command, pendulum_run, soft_run
 
 NO_SPRING = EffectRow(1, {"stiffness": 0.0, "rest": 0.0})
 COLUMNS = [column.name for column in effect_named("link_inertia").columns]
@@ -433,6 +433,23 @@ def test_a_spring_that_rings_is_found_by_its_resonance():
     assert (spring.effect, spring.place) == ("joint_compliance", "joint_1")
     assert spring.row.values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
     assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
+
+
+def test_a_drive_is_wound_up_by_its_arm_and_not_by_its_rotor():
+    """A motor's torque may be a hundred times what goes through its drive."""
+    t = np.arange(1000) / 250.0
+    q, noise = 0.5 * np.sin(2.0 * t), {"q": np.array([1e-4]), "tau": np.array([0.01])}
+    heavy = {"q": q[:, None], "tau": 300.0 * np.sin(2.0 * t)[:, None]}
+    run = Run("swing", t, heavy, Control("motion"), noise, (), {}, "", (), 250.0)
+    asked = problem(load("pendulum"), "rigid", [run])
+    through = np.sqrt(np.mean((WEIGHT * np.sin(q) - INERTIA * 4.0 * q) ** 2))
+    tried = [
+        table.values["stiffness"]
+        for one in springs(asked, {}, scales_of(asked, {}), ())
+        if one.effect == "joint_compliance"
+        for table in one.rows(np.zeros_like(one.scale))["joint_compliance"]
+    ]
+    assert through / np.array([max(tried), min(tried)]) == pytest.approx([3.0e-4, 0.1], rel=0.02)
 
 
 def test_springs_tried_alone_are_remembered(monkeypatch):
