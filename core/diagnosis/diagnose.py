@@ -488,7 +488,8 @@ def _verdict(held: Held, gap: bool, form: Bent | None, against: Along | None) ->
         against: What of the measured motion speaks against what holds.
     """
     if held.found:
-        return "explained" if (held.adequate or form) and not (against or held.growing) else "partly_explained"
+        enough = held.adequate or (form is not None and held.open * form.leaves < OTHER_FORM)
+        return "explained" if enough and not (against or held.growing) else "partly_explained"
     return "unexplained" if gap else "no_gap"
 
 

@@ -83,6 +83,8 @@ MOST_LEFT = 0.4
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
 # well may leave more, as inertia takes it by the square of how often it comes
 MOST_BENT = 0.25
+# part of the gap that a spring which stiffens may leave to be its cause, where a straight one closes nothing of it
+LITTLE = 0.25
 # part of the gap along the measured motion that contradicts findings by which simulation has none
 CONTRADICTS = 0.3
 # what gives way, and swings by itself
@@ -207,7 +209,7 @@ class Judge:
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
-        while (idle := _idle(found, unseen.gains, how_far, self._needed(found))) is not None:
+        while (idle := _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen))) is not None:
             if tries and not numbers and (numbers := self._numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
@@ -240,6 +242,17 @@ class Judge:
     def _needed(self, found: Sequence[Found]) -> set[tuple[str, int]]:
         """Keys of what gives before clamped outputs, without which nothing could move there."""
         return {item.key for item in found if gives_alone(self.whole, found, item)}
+
+    def _kept_anyway(self, found: Sequence[Found], unseen: Unseen) -> set[tuple[str, int]]:
+        """Keys of findings that simulation does not judge: others need them, or no engine has their law.
+
+        Of a spring that stiffens engines know a straight one, which rings elsewhere. Where the measured motion of runs
+        that no fit saw has little left once it stiffens, that is what there is, whatever the straight one does.
+        """
+        bends = unseen.stiffened < MOST_LEFT and unseen.open * unseen.stiffened < LITTLE
+        sure = zip(found, unseen.stiffens, unseen.gains, strict=True) if bends else ()
+        stiffer = {item.key for item, stiffens, gain in sure if stiffens and gain >= BEYOND_DOUBT}
+        return self._needed(found) | stiffer
 
     def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
         """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
@@ -345,7 +358,7 @@ class Judge:
             how_far, overlays, after = self._how_far(found, unseen)
         except RefusedError:
             return None
-        if _idle(found, unseen.gains, how_far, self._needed(found)) is not None:
+        if _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen)) is not None:
             return None
         last = found[-1]
         dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (last.effect, last.place))
@@ -441,20 +454,25 @@ class Judge:
         return 0.5 * (float(left @ left) - float(np.sum((both.left / sigma) ** 2))) < ALIKE
 
     def other_form(self, held: Held) -> Bent | None:
-        """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap."""
+        """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap.
+
+        Or little of it, of a spring that stiffens.
+        """
         if not held.found or held.adequate:
             return None
-        bends = held.unseen.stiffened
-        if bends < MOST_LEFT and held.open * bends < OTHER_FORM:
-            spring = next(k for k, stiffening in enumerate(held.unseen.stiffens) if stiffening)
-            return Bent(bends, spring, STIFFENS_SAID)
+        bends, spring = held.unseen.stiffened, None
+        if bends < MOST_LEFT and held.open * bends < LITTLE:
+            place = next(k for k, stiffening in enumerate(held.unseen.stiffens) if stiffening)
+            spring = Bent(bends, place, STIFFENS_SAID)
+            if held.open * bends < OTHER_FORM:
+                return spring
         much = held.open > MOST_BENT
         if much and not any(is_wave(item) for item in held.found):
-            return None
+            return spring
         form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
         if form is None or (much and form.said != TWICE_SAID):
-            return None
-        return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else None
+            return spring
+        return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else spring
 
     def contradicted(self, held: Held) -> Along | None:
         """What the measured motion has left of a gap that simulation takes for closed; None where that is little.

@@ -892,7 +892,8 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
         )
         for energy, hypothesis, left in tried
     ]
-    good = [one for one in good if one.earns]
+    # one that stiffens rings nowhere as straight ones do: where nothing else is there the nearest of them are tried
+    good = [one for one in good if one.earns] or ([] if state.found else good)
     winner = _tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
 

@@ -115,6 +115,28 @@ def test_a_diagnosis_names_it_and_says_that_it_stiffens(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("omega", "times"),
+    [
+        # it rings nowhere as a straight one does: no straight one leaves clearly less
+        (20.0, 1.0),
+        # the straight one that is nearest makes the simulation no better
+        (12.0, 3.0),
+    ],
+)
+def test_it_is_named_where_no_straight_spring_helps(omega, times):
+    """A spring that its weight makes stiffer by so many times."""
+    values = {"stiffness": INERTIA * omega**2, "damping": 0.05}
+    stiffening = times / (WEIGHT / values["stiffness"]) ** 2
+    runs = [soft_run(**values, stiffening=stiffening, seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose(load("pendulum"), runs, level="rigid", backends=["mjcf"])
+    assert [(found.effect, found.at) for found in answer.which] == [("joint_compliance", "joint_1")]
+    assert STIFFENS_SAID in answer.unexplained.looks_like
+    # which is told as what it is worth
+    assert answer.how_far.shrinks_by < 0.25
+    assert answer.unexplained.share > 0.5
+
+
+@pytest.mark.parametrize(
     ("effect", "values", "ends"),
     [
         ("joint_compliance_6d", {"krx": 1e4, "kry": 2e4}, ("_rx", "_ry")),
