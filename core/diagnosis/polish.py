@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..database import Database
 from ..effects import EffectRow
-from ..errors import RefusedError
+from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from ..representation import Robot
 from .blocks import BLOCK
@@ -206,8 +206,8 @@ def closing(
     """Sum of squares above noise that a fit leaves simulated, and what it would leave with each of some options.
 
     The fit's numbers and how much there is of an option give way to each other, as far as they are linear; what the
-    database's tolerances may do is taken out. Infinity where an engine refuses the option or would take far longer, as
-    for what hardly gives and closes nothing.
+    database's tolerances may do is taken out. Infinity where there can be no such robot, and where an engine
+    refuses the option or would take far longer, as for what hardly gives and closes nothing.
 
     Args:
         problem: The question, of these runs.
@@ -244,7 +244,8 @@ def closing(
             there = [
                 _left(problem.database, level, run, merged(rows, option), backend, resimulated_once) for run in runs
             ]
-        except RefusedError:
+        except MbexportError:
+            # nor may a body be so light
             energies.append(math.inf)
             continue
         slopes = [

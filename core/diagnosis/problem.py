@@ -24,6 +24,8 @@ from .stiffening import stiffening_of
 Vector = NDArray[np.float64]
 # what a robot leaves that cannot be, in units of noise
 FAR = 1.0e3
+# and what one may leave that swings itself to pieces: squares of more than that are no numbers any longer
+FARTHEST = 1.0e9
 # a wave longer than two turns is none
 LEAST_CYCLES = 0.5
 # part of a wave that is one, on the whole way of its joint
@@ -67,7 +69,7 @@ class Problem:
             left = self.residual(rows)
         except MbexportError:
             return np.full(len(self.evidence.weights), FAR)
-        return np.where(np.isfinite(left), left, FAR)
+        return np.where(np.isfinite(left), np.clip(left, -FARTHEST, FARTHEST), FAR)
 
     def spoken(self, rows: Rows) -> list[Said]:
         """What the sensors would have said in each run."""

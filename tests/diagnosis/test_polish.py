@@ -153,6 +153,16 @@ def test_without_findings_an_option_is_tried_alone():
     assert with_delay < 0.5 * now
 
 
+def test_an_option_that_no_robot_can_have_closes_nothing():
+    """An inertia that is less than none ended a diagnosis."""
+    runs = [pendulum_run(seed=1, duration=1.0)]
+    asked = problem(load("pendulum"), "full", runs)
+    fit = refined(asked, whitening(asked), [], blocks(asked.evidence))
+    light = {"rotor_inertia": (EffectRow(1, {"inertia": -5.0}),)}
+    _, energies = closing(asked, "full", runs, fit, [light], "mjcf")
+    assert energies == [math.inf]
+
+
 @pytest.mark.parametrize(("seconds", "t"), [(1.0, 12.706), (4.0, 2.3646)])
 def test_few_blocks_of_time_know_little_of_how_they_scatter(seconds, t):
     """Two say next to nothing; the quantiles of Student's t are the tables'."""

@@ -23,7 +23,7 @@ from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
-from mbexport.core.diagnosis.problem import FAR, problem
+from mbexport.core.diagnosis.problem import FAR, FARTHEST, problem
 from mbexport.core.diagnosis.refine import (
     SHORTEST_PART,
     bounds_of,
@@ -557,6 +557,15 @@ def test_springs_whose_motion_cannot_be_worked_out_say_nothing(monkeypatch):
     assert np.all(asked.misfit(rows_of([soft])) == FAR)
 
 
+def test_what_swings_itself_to_pieces_is_a_number_still(monkeypatch):
+    """Squares of what such a spring leaves were infinite, and ended a diagnosis."""
+    asked = question()
+    monkeypatch.setattr(type(asked), "residual", lambda *_: np.array([1e200, -1e200, np.nan, 3.0]))
+    left = asked.misfit({})
+    assert np.isfinite(left @ left)
+    assert left.tolist() == [FARTHEST, -FARTHEST, FAR, 3.0]
+
+
 def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_near():
     asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05)])
     whiten = whitening(asked)
@@ -737,9 +746,10 @@ def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
             raise RefusedError("the motion is no longer finite")
         return SimpleNamespace(shrinks_by=0.5), (), None
 
-    monkeypatch.setattr(
-        Judge, "_kept", lambda self, found: (list(found), SimpleNamespace(gains=(1.0,) * len(found), rows=()), ())
-    )
+    def kept(self, found):
+        return list(found), SimpleNamespace(gains=(1.0,) * len(found), rows=(), open=1.0, stiffened=1.0), ()
+
+    monkeypatch.setattr(Judge, "_kept", kept)
     monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)
     monkeypatch.setattr(Judge, "_numbers", lambda *_, **__: ())
     monkeypatch.setattr(Judge, "_how_far", how_far)
