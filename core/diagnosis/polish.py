@@ -144,8 +144,11 @@ def polished(
     each = len(fit.free) + 2
     if not fit.free or each * len(runs) > most or any(run.locked for run in runs):
         return None
-    robots = [robot_of(problem.database, level, run, tables(fit.rows)) for run in runs]
-    if each * sum(steps_of(robot, run, backend) for robot, run in zip(robots, runs, strict=True)) > MOST_STEPS:
+    try:
+        robots = [robot_of(problem.database, level, run, tables(fit.rows)) for run in runs]
+        if each * sum(steps_of(robot, run, backend) for robot, run in zip(robots, runs, strict=True)) > MOST_STEPS:
+            return None
+    except MbexportError:
         return None
     start, sigma = _numbers(fit)
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])

@@ -128,6 +128,16 @@ def test_a_robot_that_no_run_of_would_end_is_refused():
         resimulated(robot, plain, run, "mjcf")
 
 
+def test_numbers_of_a_robot_that_no_run_of_would_end_stay_as_they_are():
+    """It ended a diagnosis."""
+    runs = [pendulum_run(seed=1, duration=1.0)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    hard = Found("joint_compliance", 1, EffectRow(1, {"stiffness": 1e20, "damping": 1.0}), 50.0)
+    fit = refined(asked, whitening(asked), [hard], blocks(asked.evidence))
+    stiff = replace(fit, rows={hard.key: hard.row})
+    assert polished(asked, "rigid", runs, stiff, "mjcf") is None
+
+
 def test_what_would_close_the_gap_is_seen_in_simulation():
     """Beside a found friction a delay takes nearly all that is left, and an inertia that is not there nothing."""
 
