@@ -33,6 +33,7 @@ from .diagnosis import (
 )
 from .experiment import Experiment, design
 from .fit import blocks
+from .forms import STIFFENS_SAID
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
@@ -93,6 +94,11 @@ UNDERSTOOD = 0.1
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
+)
+STRAIGHT_HELPS_NOT = (
+    "Once {effect} at {place} stiffens as it is wound up, {part} of the gap is left along the measured motion of runs "
+    "that no fit saw. No engine has that law, and the straight spring that the corrected model has in its place makes "
+    "the simulation no better: the cause is found, and the corrected model is not."
 )
 GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
@@ -240,6 +246,9 @@ class _Diagnosing:
             notes.append(LEFT_UNSEEN)
         if against:
             notes.append(CONTRADICTED.format(part=percent(against.share)))
+        if form and form.said == STIFFENS_SAID and (held.how_far.shrinks_by or 0.0) <= HELPS:
+            item, part = held.found[form.place], percent(held.unseen.open * form.leaves)
+            notes.append(STRAIGHT_HELPS_NOT.format(effect=item.effect, place=item.place, part=part))
         notes += outside_names(held.found)
         effects = rows_of(held.found)
         return Diagnosis(

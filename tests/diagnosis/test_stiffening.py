@@ -134,6 +134,9 @@ def test_it_is_named_where_no_straight_spring_helps(omega, times):
     # which is told as what it is worth
     assert answer.how_far.shrinks_by < 0.25
     assert answer.unexplained.share > 0.5
+    helps = answer.how_far.shrinks_by > 0.01
+    assert any("the corrected model is not" in note for note in answer.notes) is not helps
+    assert helps is (omega == 20.0)
 
 
 @pytest.mark.parametrize(
