@@ -113,9 +113,22 @@ def test_without_a_torque_nothing_can_be_compared():
         noise_floor(DATABASE, "rigid", replace(run, signals={"q": run.signals["q"]}))
 
 
-@pytest.mark.parametrize(("gap", "giving"), [(0.0, "joint_compliance"), (PLAY, "backlash")])
-def test_stiffness_play_and_friction_are_found(gap, giving):
-    asked = problem(DATABASE, "rigid", [clamped_run(gap, seed) for seed in (1, 2)])
+@pytest.mark.parametrize(
+    ("gap", "giving", "rate"),
+    [
+        (0.0, "joint_compliance", 250.0),
+        (0.0, "joint_compliance", 100.0),
+        (PLAY, "backlash", 250.0),
+        pytest.param(
+            PLAY,
+            "backlash",
+            100.0,
+            marks=pytest.mark.xfail(strict=True, reason="so few samples in the play leave a ripple beside it"),
+        ),
+    ],
+)
+def test_stiffness_play_and_friction_are_found(gap, giving, rate):
+    asked = problem(DATABASE, "rigid", [clamped_run(gap, seed, rate) for seed in (1, 2)])
     state = Search(asked, whitening(asked))
     state.begin()
     found = {item.effect: item.row.values for item in search(state).found}
