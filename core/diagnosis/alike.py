@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
+from .beyond import SPRINGS, STIFFENING
 from .fit import blocks, gained, spread
 from .hypotheses import clamped, defaults, possible, twins_of
+from .other_laws import beyond_catalogue
 from .problem import Problem
 from .refine import Refined, refined
 from .resonance import DAMPING, TURNING
@@ -27,8 +29,6 @@ from .search import (
     rows_of,
     without_bodies,
 )
-from .stiffening import SPRINGS, STIFFENING
-from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         trial = [*state.found, one]
         other = refined(problem, whiten, trial, parts)
         if STIFFENING in item.row.values:
-            other = stiffer(problem, whiten, trial, other, parts, one, float(state.left @ state.left))
+            other = beyond_catalogue(problem, whiten, trial, other, parts, one, float(state.left @ state.left))
         worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
         leaves = (float(other.left @ other.left) - whole) / energy
         named = replace(one, row=other.rows[key])

@@ -18,6 +18,7 @@ from ..recording import Run, known_together
 from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
 from .alike import Alike, alike
+from .beyond import SPRINGS
 from .demonstration import shown
 from .diagnosis import (
     Diagnosis,
@@ -33,7 +34,7 @@ from .diagnosis import (
 )
 from .experiment import Experiment, design
 from .fit import blocks
-from .forms import STIFFENS_SAID
+from .forms import SOFTLY_SAID, STIFFENS_SAID
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
@@ -42,6 +43,7 @@ from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, loudest_of, numerics, part_left, suspected
+from .other_laws import straightened
 from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
@@ -49,8 +51,6 @@ from .resimulate import residuals, resimulated
 from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, prune, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
-from .stiffening import SPRINGS
-from .stiffer import straightened
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, place_in_words, variable_in_words
 
@@ -95,11 +95,13 @@ CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
 )
-STRAIGHT_HELPS_NOT = (
-    "Once {effect} at {place} stiffens as it is wound up, {part} of the gap is left along the measured motion of runs "
-    "that no fit saw. No engine has that law, and the straight spring that the corrected model has in its place makes "
-    "the simulation no better: the cause is found, and the corrected model is not."
+NEAREST_HELPS_NOT = (
+    "Once {effect} at {place} {said}, {part} of the gap is left along the measured motion of runs that no fit saw. No "
+    "engine has that law, and the {nearest} that the corrected model has in its place makes the simulation no better: "
+    "the cause is found, and the corrected model is not."
 )
+# of each law beyond the catalogue's, the one that engines have
+NEAREST = {STIFFENS_SAID: "straight spring", SOFTLY_SAID: "limit that cuts"}
 GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (
@@ -246,9 +248,11 @@ class _Diagnosing:
             notes.append(LEFT_UNSEEN)
         if against:
             notes.append(CONTRADICTED.format(part=percent(against.share)))
-        if form and form.said == STIFFENS_SAID and (held.how_far.shrinks_by or 0.0) <= HELPS:
+        beyond = form is not None and held.unseen.numbers_beyond[form.place] and form.said in NEAREST
+        if form and beyond and (held.how_far.shrinks_by or 0.0) <= HELPS:
             item, part = held.found[form.place], percent(held.unseen.open * form.leaves)
-            notes.append(STRAIGHT_HELPS_NOT.format(effect=item.effect, place=item.place, part=part))
+            words = {"said": form.said, "nearest": NEAREST[form.said]}
+            notes.append(NEAREST_HELPS_NOT.format(effect=item.effect, place=item.place, part=part, **words))
         notes += outside_names(held.found)
         effects = rows_of(held.found)
         return Diagnosis(
@@ -381,6 +385,9 @@ class _Diagnosing:
         if kept.found and len(kept.found) < len(held.found):
             fit = refined(state.problem, state.whiten, kept.found, parts)
         fit = straightened(state.problem, state.whiten, kept.found, fit, parts)
+        fit = replace(
+            fit, rows=judge.cut(kept.found, fit.rows, range(len(judge.runs)) if every else judge.ways[0].seen)
+        )
         if numbers:
             far = bool(kept.numbers)
             whole = (state.problem, self.level, judge.runs, fit, self.backend)

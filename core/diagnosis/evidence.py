@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from ..parallel import side_by_side
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
+from .beyond import Beyond
 from .inverse import Said, said
 from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
 from .sensed import next_alike, noise_in, response_of
-from .stiffening import Stiffening
 
 Vector = NDArray[np.float64]
 
@@ -64,17 +64,17 @@ class Voice:
         robot: Which one.
         nominal: The robot as it is known.
         creep: Speed below which joints stand, shape (n,).
-        stiffening: Which of its springs stiffen.
+        beyond: What it has beyond the catalogue's laws.
     """
 
     robot: Robot
     nominal: Robot
     creep: Vector
-    stiffening: Stiffening = ()
+    beyond: Beyond = ()
 
     def says(self, run: Prepared) -> Said:
         """What the sensors of a run would have shown."""
-        return said(self.robot, run, self.nominal, self.creep, self.stiffening)
+        return said(self.robot, run, self.nominal, self.creep, self.beyond)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,16 +103,16 @@ class Evidence:
     mixes: tuple[Mapping[int, Vector], ...] = ()
     asks: tuple[Mapping[int, float], ...] = ()
 
-    def residual(self, robots: Sequence[Robot], stiffening: Stiffening = ()) -> Vector:
+    def residual(self, robots: Sequence[Robot], beyond: Beyond = ()) -> Vector:
         """Measured minus said of these robots, one a run, in units of noise, shape (N,).
 
         Args:
             robots: With their effects.
-            stiffening: Which of their springs stiffen.
+            beyond: What they have beyond the catalogue's laws.
         """
 
         def raw(number: int) -> dict[str, list[Vector]]:
-            return self._raw(number, robots[number], stiffening)
+            return self._raw(number, robots[number], beyond)
 
         return self.weighed(side_by_side(raw, range(len(robots))))
 
@@ -125,7 +125,7 @@ class Evidence:
         mix = self.mixes[channel.run].get(channel.index) if self.mixes and channel.signal == "u" else None
         return values if mix is None else values - mix * raw["tau"][channel.index]
 
-    def heard(self, robots: Sequence[Robot], stiffening: Stiffening = (), *, exactly: bool = False) -> Evidence:
+    def heard(self, robots: Sequence[Robot], beyond: Beyond = (), *, exactly: bool = False) -> Evidence:
         """The same evidence in units of the noise that other robots make of what sensors say; itself where it is alike.
 
         What rings makes many times its sensors' noise of it where it rings: there a robot that is known to ring is
@@ -133,14 +133,14 @@ class Evidence:
 
         Args:
             robots: With their effects, one a run.
-            stiffening: Which of their springs stiffen.
+            beyond: What they have beyond the catalogue's laws.
             exactly: Where it is alike, too.
         """
         weights = np.ones_like(self.weights)
         mixes: list[dict[int, Vector]] = []
         asks: list[dict[int, float]] = []
         for number, (run, robot) in enumerate(zip(self.runs, robots, strict=True)):
-            voice = Voice(robot, self.nominals[number], self.creeps[number], stiffening)
+            voice = Voice(robot, self.nominals[number], self.creeps[number], beyond)
             values = differences(run, voice.says(run))
             noise, mix, asked = _noise(run, voice, values, self.masks[number])
             mixes.append(mix)
@@ -190,9 +190,9 @@ class Evidence:
             tuple(self.asks[k] for k in kept) if self.asks else (),
         )
 
-    def _raw(self, number: int, robot: Robot, stiffening: Stiffening) -> dict[str, list[Vector]]:
+    def _raw(self, number: int, robot: Robot, beyond: Beyond) -> dict[str, list[Vector]]:
         run = self.runs[number]
-        speech = Voice(robot, self.nominals[number], self.creeps[number], stiffening).says(run)
+        speech = Voice(robot, self.nominals[number], self.creeps[number], beyond).says(run)
         return coefficients(run, differences(run, speech), self.masks[number])
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
+from .beyond import KNEE, cut_softly
 from .evidence import coefficients
 from .hypotheses import BODIES
 from .inverse import Said
@@ -216,31 +217,21 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
 
 
 def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
-    """A limit that is felt before it is reached, and a little more or less of it; none where nothing asks for a torque.
-
-    By log(1 + e^x) a motor gives ever less of what it is asked for above its limit, and a little less below it.
-    """
+    """A limit that is felt before it is reached, and a little more or less of it; none where nobody asks for torque."""
     item, i = found[k], found[k].at - 1
     asked = [one.u for one in _without(problem, found, k)]
     if any(one is None for one in asked):
         return []
     top = item.row.values["torque"]
     wanted = [one[:, i] for one in asked if one is not None]
-    cut = [np.clip(one, -top, top) for one in wanted]
+    cut = [cut_softly(one, top, item.row.values.get(KNEE, 0.0)) for one in wanted]
     forms: list[Form] = []
     for knee in KNEES:
-        width = knee * top
-        beyond = [_ramp(x - top, width) - _ramp(-x - top, width) for x in wanted]
-        less = [hard - (x - too_much) for hard, x, too_much in zip(cut, wanted, beyond, strict=True)]
+        less = [hard - cut_softly(x, top, knee) for hard, x in zip(cut, wanted, strict=True)]
         forms.append(Form(SOFTLY_SAID, torque_column(problem, i, less, ("u",)), (0.0, 1.0)))
     more = NEAR_LIMIT * top
     change = [np.clip(x, -top, top) - np.clip(x, -top - more, top + more) for x in wanted]
     return [*forms, Form("", torque_column(problem, i, change, ("u",)))]
-
-
-def _ramp(x: Vector, width: float) -> Vector:
-    """Nothing below 0 and x above it, bent over so much of x."""
-    return width * np.logaddexp(0.0, x / width)
 
 
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:

@@ -16,15 +16,18 @@ from ..errors import RefusedError
 from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
+from .beyond import KNEE, LIMIT
+from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
-from .forms import STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
+from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
+from .other_laws import straightened, with_knee
 from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
@@ -237,7 +240,29 @@ class Judge:
         while (wild := self._wild(found, unseen)) is not None:
             found, unseen, more = self._kept([item for item in found if item is not wild])
             dropped = (*dropped, Rejected(wild.effect, wild.place, WILD), *more)
-        return found, unseen, dropped
+        return found, self._cut(found, unseen), dropped
+
+    def _cut(self, found: Sequence[Found], unseen: Unseen) -> Unseen:
+        """Every split's rows, limits with a knee cutting where its fitted runs say."""
+        if not self._knees(found):
+            return unseen
+        rows = [
+            self.cut(found, {item.key: row for item, row in zip(found, old, strict=True)}, way.seen)
+            for way, old in zip(self.ways, unseen.rows, strict=True)
+        ]
+        return replace(unseen, rows=tuple(tuple(there[item.key] for item in found) for there in rows))
+
+    def cut(
+        self, found: Sequence[Found], rows: Mapping[tuple[str, int], EffectRow], runs: Sequence[int]
+    ) -> dict[tuple[str, int], EffectRow]:
+        """Rows of findings, limits with a knee cutting where simulation of some runs, as numbers, says."""
+        if not (joints := self._knees(found)):
+            return dict(rows)
+        return cutting(self.database, self.level, [self.runs[k] for k in runs], rows, joints, self.backend)
+
+    def _knees(self, found: Sequence[Found]) -> list[int]:
+        """Numbers of the joints whose limits were found to have a knee."""
+        return [item.at for item in found if item.effect == LIMIT and KNEE in item.row.values]
 
     def _needed(self, found: Sequence[Found]) -> set[tuple[str, int]]:
         """Keys of what gives before clamped outputs, without which nothing could move there."""
@@ -246,13 +271,14 @@ class Judge:
     def _kept_anyway(self, found: Sequence[Found], unseen: Unseen) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.
 
-        Of a spring that stiffens engines know a straight one, which rings elsewhere. Where the measured motion of runs
-        that no fit saw has little left once it stiffens, that is what there is, whatever the straight one does.
+        Of a spring that stiffens engines know a straight one, which rings elsewhere, and of a limit with a knee one
+        that cuts, which is reached elsewhere. Where the motion of runs that no fit saw has little left with the law
+        that was found, that is what there is, whatever the catalogue's does.
         """
-        bends = unseen.stiffened < MOST_LEFT and unseen.open * unseen.stiffened < LITTLE
-        sure = zip(found, unseen.stiffens, unseen.gains, strict=True) if bends else ()
-        stiffer = {item.key for item, stiffens, gain in sure if stiffens and gain >= BEYOND_DOUBT}
-        return self._needed(found) | stiffer
+        bends = unseen.beyond < MOST_LEFT and unseen.open * unseen.beyond < LITTLE
+        sure = zip(found, unseen.numbers_beyond, unseen.gains, strict=True) if bends else ()
+        others = {item.key for item, number, gain in sure if number and gain >= BEYOND_DOUBT}
+        return self._needed(found) | others
 
     def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
         """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
@@ -456,23 +482,26 @@ class Judge:
     def other_form(self, held: Held) -> Bent | None:
         """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap.
 
-        Or little of it, of a spring that stiffens.
+        Or little of it, of a law beyond the catalogue's.
         """
-        if not held.found or held.adequate:
+        if not held.found or held.explains:
             return None
-        bends, spring = held.unseen.stiffened, None
+        bends, beyond = held.unseen.beyond, None
         if bends < MOST_LEFT and held.open * bends < LITTLE:
-            place = next(k for k, stiffening in enumerate(held.unseen.stiffens) if stiffening)
-            spring = Bent(bends, place, STIFFENS_SAID)
+            place = next(k for k, number in enumerate(held.unseen.numbers_beyond) if number)
+            said = SOFTLY_SAID if held.found[place].effect == LIMIT else STIFFENS_SAID
+            beyond = Bent(bends, place, said)
             if held.open * bends < OTHER_FORM:
-                return spring
+                return beyond
+        if held.adequate:
+            return None
         much = held.open > MOST_BENT
         if much and not any(is_wave(item) for item in held.found):
-            return spring
+            return beyond
         form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
         if form is None or (much and form.said != TWICE_SAID):
-            return spring
-        return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else spring
+            return beyond
+        return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else beyond
 
     def contradicted(self, held: Held) -> Along | None:
         """What the measured motion has left of a gap that simulation takes for closed; None where that is little.
@@ -482,7 +511,7 @@ class Judge:
         if not held.found or not held.adequate or self.by_bands or held.rings:
             return None
         left = along(self.whole, self.whiten, held.found, self.ways)
-        if left.share * held.unseen.stiffened < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
+        if left.share * held.unseen.beyond < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
             return None
         rows = [[item.row for item in held.found] for _ in self.ways]
         form = bent(self.whole, self.whiten, held.found, self.ways, rows)
@@ -494,8 +523,10 @@ class Judge:
         numbers: list[Refined] = []
         for way, old in zip(self.ways, unseen.rows, strict=True):
             part = self.whole.only(way.seen)
-            there = [replace(item, row=row) for item, row in zip(found, old, strict=True)]
-            fit = refined(part, self.whiten.only(self.whole.evidence.places(way.seen)), there, blocks(part.evidence))
+            there = [_as_found(item, row) for item, row in zip(found, old, strict=True)]
+            whiten, parts = self.whiten.only(self.whole.evidence.places(way.seen)), blocks(part.evidence)
+            fit = straightened(part, whiten, there, refined(part, whiten, there, parts), parts)
+            fit = replace(fit, rows=self.cut(found, fit.rows, way.seen))
             number = polished(
                 part, self.level, [self.runs[k] for k in way.seen], fit, self.backend, far=far, known=self.slopes
             )
@@ -550,6 +581,9 @@ class Judge:
         while kept:
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(self.whole, self.whiten, kept, self.ways)
+            if (softer := self._softly(kept, unseen)) is not None:
+                kept = softer
+                continue
             unreal: set[tuple[str, int]] = {
                 key
                 for rows in unseen.rows
@@ -603,6 +637,29 @@ class Judge:
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), (), (), tuple(() for _ in self.ways)), tuple(dropped)
 
+    def _softly(self, found: Sequence[Found], unseen: Unseen) -> list[Found] | None:
+        """The findings, a torque limit with a knee that leaves little of what is open; None where none is wanted.
+
+        Runs that come near a limit here and there are fitted as well by one that cuts a little lower: what no fit saw
+        tells them apart.
+        """
+        if unseen.open < OTHER_FORM:
+            return None
+        way = self.ways[0]
+        part, whiten = self.whole.only(way.seen), self.whiten.only(self.whole.evidence.places(way.seen))
+        parts = blocks(part.evidence)
+        for k, item in enumerate(found):
+            if item.effect != LIMIT or KNEE in item.row.values:
+                continue
+            rows = {one.key: row for one, row in zip(found, unseen.rows[0], strict=True)}
+            there = [replace(one, row=rows[one.key]) for one in found]
+            row = with_knee(part, whiten, there, refined(part, whiten, there, parts), parts, item).rows[item.key]
+            softer = [*found[:k], replace(item, row=row), *found[k + 1 :]]
+            other = judged(self.whole, self.whiten, softer, self.ways)
+            if KNEE in row.values and other.open * other.beyond < MOST_LEFT * unseen.open:
+                return softer
+        return None
+
     def _in_turn(self, found: Sequence[Found], k: int) -> float | None:
         """Log evidence of finding k on the runs that were fitted, each left out in turn; one alone is cut in parts.
 
@@ -619,7 +676,7 @@ class Judge:
             whiten = whitening(whole)
         worth = judged(whole, whiten, found, splits(len(whole.evidence.runs), 0))
         earns = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.own[k] >= MOST_LEFT
-        return worth.gains[k] if earns and worth.open < OTHER_FORM else None
+        return worth.gains[k] if earns and worth.open * worth.beyond < OTHER_FORM else None
 
     def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -711,6 +768,12 @@ def _idle(
     harmless = total > OTHER_FORM and sure[0] > -HARMS
     plain = (total > PLAINLY or harmless) and gain >= BEYOND_DOUBT
     return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
+
+
+def _as_found(item: Found, row: EffectRow) -> Found:
+    """A finding with other numbers; a limit that was found to have a knee has it still."""
+    knee = {KNEE: item.row.values[KNEE]} if item.effect == LIMIT and KNEE in item.row.values else {}
+    return replace(item, row=EffectRow(row.at, {**row.values, **knee}))
 
 
 def _rows(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:

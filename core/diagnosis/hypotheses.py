@@ -19,6 +19,7 @@ from ..effects import Column, EffectRow, catalogue, effect_named
 from ..expansion import SHORTEST_BEND
 from ..kinematics import dynamics
 from ..representation import JointKind
+from .beyond import KNEE
 from .evidence import differences
 from .inverse import Said
 from .model import Rows
@@ -44,6 +45,8 @@ MOST_CYCLES: Mapping[JointKind, float] = {"revolute": 400.0, "prismatic": 8000.0
 STANDS_OUT = 8.0
 # part of a joint's torques that is no peak of noise
 NEARLY_ALL = 0.999
+# width of the knee, in limits, of one that is felt before it is reached
+SOFT_KNEE = 0.1
 _WAVES = ("transmission_error", "torque_ripple")
 # waves go together whose cycles do but for this many that runs can tell apart
 NEAR = 2.0
@@ -372,20 +375,24 @@ def _nearly_all(torque: Vector) -> float:
 
 
 def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    """A limit just below the largest torque: where there is one, the torque stays there."""
+    """A limit just below the largest torque: where there is one, the torque stays there, or comes near it."""
     given = [run.run.signals.get("tau", run.run.signals.get("tau_cmd")) for run in problem.evidence.runs]
     # what the motion takes, where nobody says what the motors gave
     largest = max(scales.peak[at - 1] if one is None else _nearly_all(one[:, at - 1]) for one in given)
     if largest <= 0.0 or (known and known["torque"] <= largest):
         return []
 
-    def values(beta: Vector) -> Values | None:
+    def cut(beta: Vector) -> Values | None:
         return {"torque": max(largest - float(beta[0]), 1e-9)}
 
+    def soft(beta: Vector) -> Values | None:
+        # felt at once, and come to nowhere
+        return {"torque": max((1.0 + SOFT_KNEE) * largest - float(beta[0]), 1e-9), KNEE: SOFT_KNEE}
+
+    scale = np.array([0.2 * largest])
     return [
-        Hypothesis(
-            name, at, "", values, np.array([0.2 * largest]), np.array([-0.05 * largest]), alone=False, curved=True
-        )
+        Hypothesis(name, at, form, values, scale, np.array([-more * largest]), alone=False, curved=True)
+        for form, values, more in (("", cut, 0.05), ("soft", soft, 0.5))
     ]
 
 

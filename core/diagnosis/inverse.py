@@ -20,8 +20,8 @@ from ..simulation.compiled import as_it_stands, compile_text, uses_load
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
 from . import along, elastic
+from .beyond import Beyond, cut_softly, knees, of_joints, of_springs, places
 from .prepare import Prepared
-from .stiffening import Stiffening, of_joints, places
 
 Vector = NDArray[np.float64]
 
@@ -69,7 +69,7 @@ def _compiled(name: str) -> Any:
     return compile_text(getattr(module, name))
 
 
-def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening: Stiffening = ()) -> Said:
+def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Beyond = ()) -> Said:
     """What the sensors of a robot would have said along a run's motor motion.
 
     Args:
@@ -77,9 +77,9 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening:
         run: The motion.
         nominal: Whose rigid bodies the controller's feedforward knows.
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
-        stiffening: Which of its springs stiffen.
+        beyond: What it has beyond the catalogue's laws.
     """
-    moved = _moved(_bodies(robot), run, stiffening)
+    moved = _moved(_bodies(robot), run, of_springs(beyond))
     whole = expanded(robot, imposed=True)
     driven = list(whole.driven)
     clamped = [driven[joint - 1] for joint in run.run.locked]
@@ -106,7 +106,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, stiffening:
             # late by other than whole ticks, what acts at a tick acts for a part of one
             tau = tau - early * _slow(change, run)
     limits = tuple(stage.drive.torque_limit for stage in robot.stages)
-    asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits)
+    asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, knees(beyond, robot.n))
     return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
@@ -176,7 +176,7 @@ def _bodies(robot: Robot) -> Robot:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _moved(robot: Robot, run: Prepared, stiffening: Stiffening) -> _Moved:
+def _moved(robot: Robot, run: Prepared, stiffening: Beyond) -> _Moved:
     """Motion, load and tool of a robot's bodies; most effects change none of them."""
     offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
     whole = expanded(robot, imposed=True)
@@ -436,6 +436,7 @@ def _asked(
     kd_factor: Sequence[float],
     delay: float,
     drive_limit: Sequence[float],
+    knee: Sequence[float],
 ) -> Vector | None:
     """The controller's torque behind its factors, delay and limits, shape (m, n); None where nothing controls."""
     control, n = run.run.control, nominal.n
@@ -448,10 +449,11 @@ def _asked(
         torque = run.measured["tau_cmd"]
     else:
         return None
-    limit = np.minimum(np.array(control.torque_limit or [math.inf] * n), drive_limit)
+    limit = np.array(control.torque_limit or [math.inf] * n)
     # a record at a tick shows the torque that acts there, and so the controller's of a whole number of ticks ago
     late = np.ceil(delay * control.rate - 1e-6) / control.rate
     held: Vector = np.empty_like(run.q)
     for i in range(n):
-        held[:, i] = np.interp(run.t - late, run.t, torque[:, i])
-    return np.asarray(np.clip(held, -limit, limit), dtype=float)
+        there = np.asarray(np.interp(run.t - late, run.t, torque[:, i]), dtype=np.float64)
+        held[:, i] = cut_softly(cut_softly(there, float(limit[i])), drive_limit[i], knee[i])
+    return held

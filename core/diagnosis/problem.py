@@ -16,10 +16,10 @@ from ..effects import EffectRow
 from ..errors import MbexportError
 from ..recording import Run
 from ..representation import Inertia, Robot
+from .beyond import beyond_of
 from .evidence import Evidence, gather
 from .inverse import Said, said
 from .model import Rows, level_rows, merged
-from .stiffening import stiffening_of
 
 Vector = NDArray[np.float64]
 # what a robot leaves that cannot be, in units of noise
@@ -61,7 +61,7 @@ class Problem:
 
     def residual(self, rows: Rows) -> Vector:
         """Measured minus said with these rows, in units of noise, shape (N,)."""
-        return self.evidence.residual(self.robots(rows), stiffening_of(rows))
+        return self.evidence.residual(self.robots(rows), beyond_of(rows))
 
     def misfit(self, rows: Rows) -> Vector:
         """The residual, or FAR everywhere where there can be no such robot, shape (N,)."""
@@ -73,9 +73,9 @@ class Problem:
 
     def spoken(self, rows: Rows) -> list[Said]:
         """What the sensors would have said in each run."""
-        e, stiffening = self.evidence, stiffening_of(rows)
+        e, beyond = self.evidence, beyond_of(rows)
         return [
-            said(robot, run, nominal, creep, stiffening)
+            said(robot, run, nominal, creep, beyond)
             for robot, run, nominal, creep in zip(self.robots(rows), e.runs, e.nominals, e.creeps, strict=True)
         ]
 
@@ -92,7 +92,7 @@ class Problem:
             exactly: Where it is alike, too.
         """
         try:
-            evidence = self.evidence.heard(self.robots(rows), stiffening_of(rows), exactly=exactly)
+            evidence = self.evidence.heard(self.robots(rows), beyond_of(rows), exactly=exactly)
         except MbexportError:
             return self
         return self if evidence is self.evidence else replace(self, evidence=evidence)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
+from .beyond import RANGES
 from .fit import Part, spread
 from .model import Rows, tables
 from .nuisances import Whitening
 from .plain import Plain
 from .problem import Problem
 from .slopes import Sloped, differences
-from .stiffening import STIFFENING
 
 if TYPE_CHECKING:
     from .search import Found
@@ -30,7 +30,7 @@ _HELD = {"hysteresis": ("slips",), "backlash": ("damping",)}
 # numbers that are fitted even where they are what they are by default
 _ALWAYS = {"base_tilt": ("roll", "pitch"), "controller_gain": ("kp", "kd"), "link_flexibility": ("at",)}
 # numbers that say how an effect goes, not how much of it there is
-_SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", STIFFENING)
+_SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", *RANGES)
 _EVALUATIONS = 25
 # change of the sum of squares, or of the numbers, from which a fit has come to its end
 ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
@@ -167,7 +167,7 @@ def free_columns(effect: str, row: EffectRow) -> list[str]:
     """
     columns = effect_named(effect).columns
     held, always = _HELD.get(effect, ()), _ALWAYS.get(effect, ())
-    beyond = [STIFFENING] if row.values.get(STIFFENING, 0.0) else []
+    beyond = [name for name in RANGES if row.values.get(name, 0.0)]
     return beyond + [
         c.name
         for c in columns
@@ -340,7 +340,7 @@ def _size(item: Found, name: str, way: float) -> float:
     """
     values = item.row.values
     value = abs(values[name])
-    if name == STIFFENING:
+    if name in RANGES:
         return value
     if name in ("rest", "phase"):
         return max(value, way if name == "rest" else 1.0, 1e-9)
@@ -387,8 +387,8 @@ def bounds_of(problem: Problem, effect: str, at: int, name: str, start: float | 
 
 def range_of(effect: str, name: str) -> tuple[float, float]:
     """Between what a number of an effect can be [SI]; a phase is free to turn."""
-    if name == STIFFENING:
-        return (0.0, np.inf)
+    if name in RANGES:
+        return RANGES[name]
     column = next(c for c in effect_named(effect).columns if c.name == name)
     if column.name == "phase":
         return (-np.inf, np.inf)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from ..parallel import side_by_side
+from .beyond import SPRINGS, number_of
 from .fit import Linear, Part, blocks, edges_of, gained, linear, spread
 from .hypotheses import (
     BODIES,
@@ -36,12 +37,11 @@ from .hypotheses import (
 )
 from .model import Rows, merged, tables
 from .nuisances import Whitening
+from .other_laws import beyond_catalogue
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
 from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs
-from .stiffening import SPRINGS, STIFFENING
-from .stiffer import stiffer
 
 Vector = NDArray[np.float64]
 
@@ -758,7 +758,7 @@ def _tried(
         item = _found(contender, rows)
         trial = [*state.found, item]
         fit = refined(state.problem, state.whiten, trial, parts)
-        fit = stiffer(state.problem, state.whiten, trial, fit, parts, item, _energy(state.left))
+        fit = beyond_catalogue(state.problem, state.whiten, trial, fit, parts, item, _energy(state.left))
         tried[id(contender)] = (contender, item, fit)
         if not state.found:
             state.alone[item.key] = min(_energy(fit.left), state.alone.get(item.key, math.inf))
@@ -768,7 +768,7 @@ def _tried(
     sigma = spread(least, parts)
     scored = [
         (
-            gained(state.left, fit.left, sigma, parts) - 2.0 * (contender.numbers + _stiffens(fit, item)),
+            gained(state.left, fit.left, sigma, parts) - 2.0 * (contender.numbers + _numbers_beyond(fit, item)),
             contender,
             item,
             fit,
@@ -782,7 +782,7 @@ def _tried(
         return _by_own_noise(state, [(gain, item, fit) for gain, _, item, fit in earning], parts)
     # the largest cause first: what it leaves unexplained elsewhere is easily taken for small ones
     worth = [
-        (_energy(state.left) - _energy(fit.left)) / (contender.price + DEARER * _stiffens(fit, item))
+        (_energy(state.left) - _energy(fit.left)) / (contender.price + DEARER * _numbers_beyond(fit, item))
         for _, contender, item, fit in earning
     ]
     most = max(worth)
@@ -821,9 +821,9 @@ def _by_own_noise(state: Search, tried: Sequence[tuple[float, Found, Refined]], 
     return replace(item, row=fit.rows[item.key], gain=gain)
 
 
-def _stiffens(fit: Refined, item: Found) -> int:
-    """One number more for a spring that stiffens, 0 for anything else."""
-    return int(STIFFENING in fit.rows[item.key].values)
+def _numbers_beyond(fit: Refined, item: Found) -> int:
+    """One number more for a law beyond the catalogue's, 0 for one of it."""
+    return int(number_of(item.effect, fit.rows[item.key]) > 0.0)
 
 
 def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:

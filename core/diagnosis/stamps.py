@@ -24,6 +24,8 @@ CLEAR, SHORTEST = 5.0, 0.1
 AGREE = 0.25
 # of a gap that only one sensor's word makes one of stamps, the part that a shift may leave
 LEAVES = 0.1
+# part of the gap of the channel of which it leaves least that a shift of parts of a sample may leave
+STAYS = 0.9
 # stamps that are further off than so many samples are no matter of counting
 FURTHEST = 3.0
 # further than so many samples from both of its neighbours nothing was measured
@@ -166,4 +168,7 @@ def _common(told: Sequence[_Told], rate: float) -> float:
     if not (clear and sure and near.all()):
         return 0.0
     samples = common * rate
-    return round(samples) / rate if round(samples) and abs(samples - round(samples)) < WHOLE else common
+    if round(samples) and abs(samples - round(samples)) < WHOLE:
+        return round(samples) / rate
+    # what is not counted and leaves the gap what it is holds back by chance as a shift would: a limit does
+    return common if min(one.after / one.before for one in told) < STAYS else 0.0

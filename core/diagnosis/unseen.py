@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from ..recording import Run
+from .beyond import number_of
 from .fit import Part, blocks, edges_of, gained, spread
 from .forms import Forms, beyond_forms
 from .gap import shows_in_band
 from .nuisances import Whitening
+from .other_laws import straightened
 from .problem import FAR, Problem
 from .refine import Refined, left_with, refined, removal
 from .search import Found, rows_of
-from .stiffening import STIFFENING
-from .stiffer import straightened
 
 Vector = NDArray[np.float64]
 
@@ -59,8 +59,9 @@ class Unseen:
         rows: For each split, the rows that were fitted without its unseen runs.
         open: Part of the gap's energy along the motion, above noise, that all findings leave there.
         stands_out: Whether a band of what they leave there is far above noise.
-        stiffened: What part of `open` they leave where their springs stiffen as they were found to; 1 where none does.
-        stiffens: How much each does [1/rad^2 or 1/m^2].
+        beyond: What part of `open` they leave with the laws beyond the catalogue's that they were found to have; 1
+            where none has any.
+        numbers_beyond: Each one's number of such a law; 0 where it has none.
     """
 
     gains: tuple[float, ...]
@@ -70,8 +71,8 @@ class Unseen:
     rows: tuple[tuple[EffectRow, ...], ...]
     open: float = 1.0
     stands_out: bool = False
-    stiffened: float = 1.0
-    stiffens: tuple[float, ...] = ()
+    beyond: float = 1.0
+    numbers_beyond: tuple[float, ...] = ()
 
 
 def splits(count: int, held_out: int) -> tuple[Split, ...]:
@@ -112,11 +113,11 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     shares, taken, own = (np.zeros(len(found)) for _ in range(3))
     rows: list[tuple[EffectRow, ...]] = []
     sums, stands_out = np.zeros(3), False
-    stiffens: tuple[float, ...] = ()
+    numbers_beyond: tuple[float, ...] = ()
     for way in ways:
         seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
         fit = seen.fit(found)
-        stiffens = tuple(fit.rows[item.key].values.get(STIFFENING, 0.0) for item in found)
+        numbers_beyond = tuple(number_of(item.effect, fit.rows[item.key]) for item in found)
         straight = straightened(seen.problem, seen.whiten, found, fit, seen.parts)
         rows.append(tuple(straight.rows[item.key] for item in found))
         whole = _with(found, fit.rows)
@@ -155,8 +156,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         tuple(rows),
         part,
         stands_out,
-        min(1.0, max(0.0, bends / still)) if any(stiffens) and still > 0.0 else 1.0,
-        stiffens,
+        min(1.0, max(0.0, bends / still)) if any(numbers_beyond) and still > 0.0 else 1.0,
+        numbers_beyond,
     )
 
 

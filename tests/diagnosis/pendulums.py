@@ -69,6 +69,7 @@ def pendulum_run(
     coarse: bool = False,
     torque_late: float = 0.0,
     delay: int = 0,
+    gives: Callable[[float], float] = float,
 ) -> Run:
     """What the pendulum's sensors say; its controller ticks at 1 kHz and holds its torque.
 
@@ -85,6 +86,7 @@ def pendulum_run(
         coarse: Semi-implicit Euler with one step a tick moves it.
         torque_late: By how much the torque alone comes after its stamps [s].
         delay: By how many of the steps between two ticks, FINE of them, the drive's torque is late.
+        gives: Torque that its motor gives where it is asked for one [N m].
     """
     sigma = NOISE if noise is None else noise
     ticks = np.arange(round(duration * 1000) + 1) / 1000.0
@@ -100,7 +102,7 @@ def pendulum_run(
             continue
         states[k] = q, dq
         told = k - k % every
-        asked_for[k] = KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq)
+        asked_for[k] = gives(KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq))
         tau[k] = held = asked_for[max(0, (FINE * k - delay) // FINE)]
         if coarse:
             dq += 1.0e-3 * (held - WEIGHT * math.sin(q) - against(t, q, dq)) / INERTIA

@@ -127,10 +127,11 @@ def test_another_amount_of_a_law_is_no_other_form_of_it():
 def told_of(against, item):
     """What is said of a part of a gap that a finding leaves."""
     judge = judge_of(against)
-    unseen = SimpleNamespace(rows=rows_of(judge, item), stiffened=1.0)
+    unseen = SimpleNamespace(rows=rows_of(judge, item), beyond=1.0)
 
     def said(share, adequate=False):
-        return judge.other_form(SimpleNamespace(found=(item,), open=share, growing=0, adequate=adequate, unseen=unseen))
+        held = SimpleNamespace(found=(item,), open=share, growing=0, adequate=adequate, explains=False, unseen=unseen)
+        return judge.other_form(held)
 
     return said
 
@@ -160,7 +161,7 @@ def test_what_is_left_of_a_wave_is_no_little():
 
 def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
-    unseen = SimpleNamespace(stiffened=1.0)
+    unseen = SimpleNamespace(beyond=1.0)
     held = SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen, rings=False)
     return judge.contradicted(held)
 

@@ -747,7 +747,7 @@ def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
         return SimpleNamespace(shrinks_by=0.5), (), None
 
     def kept(self, found):
-        return list(found), SimpleNamespace(gains=(1.0,) * len(found), rows=(), open=1.0, stiffened=1.0), ()
+        return list(found), SimpleNamespace(gains=(1.0,) * len(found), rows=(), open=1.0, beyond=1.0), ()
 
     monkeypatch.setattr(Judge, "_kept", kept)
     monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)

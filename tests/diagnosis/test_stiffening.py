@@ -8,15 +8,15 @@ import pytest
 import mbexport
 from mbexport.core.build import assembled
 from mbexport.core.database import load
+from mbexport.core.diagnosis.beyond import STIFFENING, places
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import STIFFENS_SAID
 from mbexport.core.diagnosis.hypotheses import defaults
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.search import Found
-from mbexport.core.diagnosis.stiffening import STIFFENING, places
-from mbexport.core.diagnosis.stiffer import stiffer, straightened
 from mbexport.core.effects import EffectRow
 from mbexport.core.expansion import expanded
 
@@ -72,7 +72,7 @@ def test_it_hangs_where_its_torque_bears_the_weight():
 
 def test_a_fit_finds_how_much_it_stiffens():
     question, parts, straight, before = fitted(STIFFER)
-    fit = stiffer(*question, [spring()], straight, parts, spring(), before)
+    fit = beyond_catalogue(*question, [spring()], straight, parts, spring(), before)
     values = fit.rows["joint_compliance", 1].values
     assert values[STIFFENING] == pytest.approx(STIFFER, rel=0.02)
     assert values["stiffness"] == pytest.approx(SPRING["stiffness"], rel=0.01)
@@ -81,19 +81,19 @@ def test_a_fit_finds_how_much_it_stiffens():
 
 def test_a_straight_spring_stays_one():
     question, parts, straight, before = fitted(0.0)
-    assert stiffer(*question, [spring()], straight, parts, spring(), before) is straight
+    assert beyond_catalogue(*question, [spring()], straight, parts, spring(), before) is straight
 
 
 def test_what_is_no_spring_has_no_stiffening():
     question, parts, _, before = fitted(STIFFER)
     damps = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
     fit = refined(*question, [damps], parts)
-    assert stiffer(*question, [damps], fit, parts, damps, before) is fit
+    assert beyond_catalogue(*question, [damps], fit, parts, damps, before) is fit
 
 
 def test_a_database_gets_the_straight_spring_that_is_nearest():
     question, parts, straight, before = fitted(STIFFER)
-    bent = stiffer(*question, [spring()], straight, parts, spring(), before)
+    bent = beyond_catalogue(*question, [spring()], straight, parts, spring(), before)
     handed = straightened(*question, [spring()], bent, parts)
     values = handed.rows["joint_compliance", 1].values
     assert STIFFENING not in values

@@ -1,0 +1,110 @@
+"""What a fit along the measured motion may say of an effect beyond the catalogue's law.
+
+Springs that stiffen, T = K s (1 + stiffening s^2): harmonic drives, bearings and bent arms do so, by half and more
+under their own load. Torque limits that are felt before they are reached: a motor that saturates gives ever less of
+what it is asked for, over a knee. Then the catalogue's law leaves most of the gap, or another cause is nearer to it.
+No table of a database and no engine knows these numbers: one goes with a finding's row while causes compete, and goes
+out of it with the catalogue's nearest law in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import EffectRow
+from ..expansion import Expansion
+from ..representation import Robot
+from .model import Rows
+
+Vector = NDArray[np.float64]
+
+# beside the columns of a row: of a spring [1/rad^2 or 1/m^2], of a torque limit its knee's width, in limits
+STIFFENING, KNEE = "stiffening", "knee"
+# the columns that are springs
+SPRINGS: Mapping[str, tuple[str, ...]] = {
+    "joint_compliance": ("stiffness",),
+    "joint_compliance_6d": ("kx", "ky", "kz", "krx", "kry", "krz"),
+    "link_flexibility": ("ku", "kv"),
+}
+LIMIT = "torque_limit"
+# what each effect may have
+_NUMBERS = {**dict.fromkeys(SPRINGS, STIFFENING), LIMIT: KNEE}
+# between what they may be; a wider knee bends the torque where there is none of it
+RANGES = {STIFFENING: (0.0, np.inf), KNEE: (0.0, 0.2)}
+# (effect, number of its place, its number beyond the catalogue) of each row that has one
+Beyond = tuple[tuple[str, int, float], ...]
+
+
+def beyond_of(rows: Rows) -> Beyond:
+    """What some rows have beyond the catalogue's laws."""
+    return tuple(
+        (effect, row.at, row.values[name])
+        for effect, name in _NUMBERS.items()
+        for row in rows.get(effect, ())
+        if row.values.get(name, 0.0)
+    )
+
+
+def number_of(effect: str, row: EffectRow) -> float:
+    """A row's number beyond the catalogue's law; 0 where it has none."""
+    return row.values.get(_NUMBERS.get(effect, ""), 0.0)
+
+
+def of_springs(beyond: Beyond) -> Beyond:
+    """Those of springs alone."""
+    return tuple(one for one in beyond if one[0] in SPRINGS)
+
+
+def knees(beyond: Beyond, n: int) -> tuple[float, ...]:
+    """Width of every joint's knee, in its torque limit; 0 where the torque is cut."""
+    wide = {at: value for effect, at, value in beyond if effect == LIMIT}
+    return tuple(wide.get(i + 1, 0.0) for i in range(n))
+
+
+def of_joints(robot: Robot, whole: Expansion, stiffening: Beyond) -> Vector:
+    """Stiffening of every joint of an expanded robot, shape (k,)."""
+    out = np.zeros(whole.robot.n)
+    for effect, at, value in stiffening:
+        for k in places(robot, whole, effect, at):
+            out[k] = value
+    return out
+
+
+def places(robot: Robot, whole: Expansion, effect: str, at: int) -> list[int]:
+    """Joints of an expanded robot, from 0, that are the springs of an effect at joint or arm `at`."""
+    own = whole.driven[at - 1]
+    if effect == "joint_compliance":
+        return [own]
+    stage = robot.stages[at - 1]
+    end = whole.driven[at] if at < robot.n else whole.robot.n
+    begins = f"{stage.arm.name if effect == 'link_flexibility' else stage.joint.name}_"
+    behind = [k for k in range(own + 1, end) if whole.robot.stages[k].joint.name.startswith(begins)]
+    return [own, *behind] if effect == "joint_compliance_6d" else behind
+
+
+def cut_softly(torque: Vector, limit: float, knee: float = 0.0) -> Vector:
+    """What a motor gives of a torque near its limit: ever less, by log(1 + e^x) over the knee; cut where that is 0.
+
+    Args:
+        torque: What it is asked for [N m or N].
+        limit: What it comes to [N m or N].
+        knee: Width, in limits.
+    """
+    if not knee or not np.isfinite(limit):
+        return np.asarray(np.clip(torque, -limit, limit), dtype=np.float64)
+    width = knee * limit
+    beyond = _ramp(torque - limit, width) - _ramp(-torque - limit, width)
+    return np.asarray(torque - beyond, dtype=np.float64)
+
+
+def _ramp(x: Vector, width: float) -> Vector:
+    """Nothing below 0 and x above it, bent over so much of x."""
+    return width * np.logaddexp(0.0, x / width)
+
+
+def by_catalogue(row: EffectRow) -> EffectRow:
+    """A row with the catalogue's law: without what it has beyond."""
+    return EffectRow(row.at, {name: value for name, value in row.values.items() if name not in RANGES})

@@ -1,0 +1,194 @@
+"""Fits of laws beyond the catalogue's, and of the catalogue's that a database and engines take in their place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..effects import EffectRow
+from .beyond import KNEE, LIMIT, RANGES, SPRINGS, STIFFENING, by_catalogue
+from .fit import Part, gained, spread
+from .hypotheses import clamped
+from .inverse import stretch_of
+from .model import tables
+from .nuisances import Whitening
+from .problem import Problem
+from .refine import Refined, left_with, refined
+
+if TYPE_CHECKING:
+    from .search import Found
+
+Vector = NDArray[np.float64]
+
+# where fits begin: a spring that rings is nearly right near its own numbers only. Parts of the straight one's
+# stiffness, and by what part of itself it is stiffer at that one's root mean square stretch
+SOFTER, HARDER = (0.55, 0.75, 0.9, 1.1), (0.05, 0.2, 0.7, 2.0)
+# of a limit that is felt before it is reached: times the one that cuts, and widths of the knee
+HIGHER, WIDER = (0.97, 1.0, 1.05, 1.15), (0.03, 0.1)
+# and the straight spring that is nearest: times the stiffness at rest
+CHORDS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
+# part of what the catalogue's law leaves above noise that one beyond it leaves, or it is the catalogue's; and the log
+# evidence that a knee must earn, as any other number
+ANOTHER, EARNS = 0.8, 10.0
+# part of the energy that is there without it which a straight spring may leave and need no other form
+CLOSE = 0.02
+
+
+def beyond_catalogue(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    fit: Refined,
+    parts: Sequence[Part],
+    item: Found,
+    before: float,
+) -> Refined:
+    """The fit with a spring that stiffens or a limit that has a knee, where that leaves clearly less; else itself.
+
+    Args:
+        problem: The question.
+        whiten: Its nuisances.
+        found: Findings, the one that is asked about among them.
+        fit: Their joint fit, with the catalogue's law of that one.
+        parts: Bands of what is left.
+        item: The one that is asked about.
+        before: Sum of squares that is left without it.
+    """
+    left, loud = _above(fit), before - len(fit.left)
+    if not 0.0 < left < loud or not by_catalogue_now(fit, item):
+        # it explains all, or nothing
+        return fit
+    if item.effect == LIMIT:
+        other = with_knee(problem, whiten, found, fit, parts, item)
+        sigma = spread(other.left, parts)
+        plain = gained(fit.left, other.left, sigma, parts) >= EARNS
+        return other if plain and _above(other) < ANOTHER * left else fit
+    if left <= CLOSE * loud or (begun := list(_stiffer(problem, fit, item))) == []:
+        return fit
+    other = _best_from(problem, whiten, found, fit, parts, item, begun)
+    return other if _above(other) < ANOTHER * left else fit
+
+
+def with_knee(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    fit: Refined,
+    parts: Sequence[Part],
+    item: Found,
+) -> Refined:
+    """The fit with a torque limit that is felt before it is reached in the place of one that cuts."""
+    top = fit.rows[item.key].values["torque"]
+    begun = [
+        EffectRow(item.at, {**fit.rows[item.key].values, "torque": higher * top, KNEE: knee})
+        for higher in HIGHER
+        for knee in WIDER
+    ]
+    return _best_from(problem, whiten, found, fit, parts, item, begun)
+
+
+def by_catalogue_now(fit: Refined, item: Found) -> bool:
+    """Whether a fit has the catalogue's law of a finding."""
+    return not RANGES.keys() & fit.rows[item.key].values.keys()
+
+
+def straightened(
+    problem: Problem, whiten: Whitening, found: Sequence[Found], fit: Refined, parts: Sequence[Part]
+) -> Refined:
+    """The fit with the catalogue's laws in the place of those beyond it; itself where it has none.
+
+    A spring that stiffens gets the straight one that is nearest, and a limit with a knee one that cuts where it comes
+    to: of a lower one simulation tells more than the motion.
+    """
+    springs = [item for item in found if STIFFENING in fit.rows[item.key].values]
+    rows = {key: _straight(row) for key, row in fit.rows.items()}
+
+    def leaves(begun: Mapping[tuple[str, int], EffectRow]) -> float:
+        rest = left_with(problem, whiten, tables(begun))
+        return float(rest @ rest)
+
+    for item in springs:
+        values = rows[item.key].values
+        chords = [
+            EffectRow(item.at, {**values, **{name: times * values[name] for name in SPRINGS[item.effect]}})
+            for times in CHORDS
+        ]
+        rows[item.key] = min(chords, key=lambda row, key=item.key: leaves({**rows, key: row}))
+    if springs:
+        fit = refined(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
+    return _cutting(problem, whiten, fit)
+
+
+def _cutting(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:
+    """The fit with limits that cut where those with a knee come to; itself where it has none."""
+    kept = [k for k, (_, _, name) in enumerate(fit.free) if name != KNEE]
+    if len(kept) == len(fit.free):
+        return fit
+    rows = {key: by_catalogue(row) if key[0] == LIMIT else row for key, row in fit.rows.items()}
+    return replace(
+        fit,
+        rows=rows,
+        left=left_with(problem, whiten, tables(rows)),
+        free=tuple(fit.free[k] for k in kept),
+        covariance=fit.covariance[np.ix_(kept, kept)],
+        slope=fit.slope[:, kept],
+        shown=tuple(fit.shown[k] for k in kept),
+    )
+
+
+def _straight(row: EffectRow) -> EffectRow:
+    """A row whose springs are straight."""
+    return by_catalogue(row) if STIFFENING in row.values else row
+
+
+def _best_from(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    fit: Refined,
+    parts: Sequence[Part],
+    item: Found,
+    begun: Sequence[EffectRow],
+) -> Refined:
+    """The fit that begins where a finding's row is the one of these that leaves least beside the others."""
+
+    def leaves(row: EffectRow) -> float:
+        rest = left_with(problem, whiten, tables({**fit.rows, item.key: row}))
+        return float(rest @ rest)
+
+    best = min(begun, key=leaves)
+    trial = [replace(one, row=best if one.key == item.key else fit.rows[one.key]) for one in found]
+    return refined(problem, whiten, trial, parts)
+
+
+def _stiffer(problem: Problem, fit: Refined, item: Found) -> Iterator[EffectRow]:
+    """Springs that stiffen, around a straight one; none for what is no spring that gives."""
+    row = fit.rows[item.key]
+    columns = [name for name in SPRINGS.get(item.effect, ()) if math.isfinite(row.values[name])]
+    if not columns or clamped(problem, item.at):
+        return
+    stretch = _stretch(problem, fit, item)
+    if not stretch > 0.0:
+        return
+    for softer in SOFTER:
+        for harder in HARDER:
+            values = {name: softer * row.values[name] for name in columns}
+            yield EffectRow(item.at, {**row.values, **values, STIFFENING: harder / stretch**2})
+
+
+def _above(fit: Refined) -> float:
+    """Sum of squares above noise that a fit leaves."""
+    return float(fit.left @ fit.left) - len(fit.left)
+
+
+def _stretch(problem: Problem, fit: Refined, item: Found) -> float:
+    """Root mean square stretch of a straight spring along all runs."""
+    robots = problem.robots(tables({key: by_catalogue(row) for key, row in fit.rows.items()}))
+    runs = problem.evidence.runs
+    squares = [stretch_of(robot, run, item.effect, item.at) ** 2 for robot, run in zip(robots, runs, strict=True)]
+    return math.sqrt(float(np.mean(squares)))
