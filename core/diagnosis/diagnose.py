@@ -32,6 +32,7 @@ from .diagnosis import (
     Unexplained,
     Verdict,
 )
+from .doubts import doubted, doubts_of
 from .experiment import Experiment, design
 from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID
@@ -384,16 +385,16 @@ class _Diagnosing:
         parts = blocks(state.problem.evidence)
         if kept.found and len(kept.found) < len(held.found):
             fit = refined(state.problem, state.whiten, kept.found, parts)
-        fit = straightened(state.problem, state.whiten, kept.found, fit, parts)
-        fit = replace(
-            fit, rows=judge.cut(kept.found, fit.rows, range(len(judge.runs)) if every else judge.ways[0].seen)
-        )
+        question, seen = (state.problem, state.whiten, kept.found), judge.ways[0].seen
+        nearest = straightened(*question, fit, parts)
+        nearest = replace(nearest, rows=judge.cut(kept.found, nearest.rows, range(len(judge.runs)) if every else seen))
+        doubts, fit = doubts_of(*question, fit, nearest, parts), nearest
         if numbers:
             far = bool(kept.numbers)
             whole = (state.problem, self.level, judge.runs, fit, self.backend)
             last = polished(*whole, far=far, known=judge.slopes) if every else numbers[0]
             fit = last or fit
-        fit = in_one_turn(with_moments(state.problem, state.whiten, fit, parts))
+        fit = in_one_turn(with_moments(state.problem, state.whiten, doubted(fit, doubts), parts))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 
     def _found_so_far(self, what: str) -> None:

@@ -158,6 +158,11 @@ class Forms:
         return place, form.said
 
 
+def other_forms(problem: Problem, found: Sequence[Found]) -> list[Form]:
+    """Every other form of the findings' laws."""
+    return [form for _, form in _every_form(problem, found) if form.said]
+
+
 def _every_form(problem: Problem, found: Sequence[Found]) -> Iterator[tuple[int, Form]]:
     every = problem.spoken(rows_of(found))
     for k, item in enumerate(found):

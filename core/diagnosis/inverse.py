@@ -120,11 +120,11 @@ def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
     return moved.q, moved.dq
 
 
-def stretch_of(robot: Robot, run: Prepared, effect: str, at: int) -> float:
-    """Root mean square stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place."""
-    moved = _moved(_bodies(robot), run, ())
-    springs = places(robot, expanded(robot, imposed=True), effect, at)
-    return float(np.sqrt(np.mean((moved.theta - moved.q)[:, springs] ** 2, axis=0).max()))
+def stretch_of(robot: Robot, run: Prepared, effect: str, at: int, beyond: Beyond = ()) -> Vector:
+    """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
+    moved = _moved(_bodies(robot), run, of_springs(beyond))
+    stretches = (moved.theta - moved.q)[:, places(robot, expanded(robot, imposed=True), effect, at)]
+    return stretches[:, int(np.argmax(np.mean(stretches**2, axis=0)))]
 
 
 def _slow(values: Vector, run: Prepared) -> Vector:

@@ -190,5 +190,8 @@ def _stretch(problem: Problem, fit: Refined, item: Found) -> float:
     """Root mean square stretch of a straight spring along all runs."""
     robots = problem.robots(tables({key: by_catalogue(row) for key, row in fit.rows.items()}))
     runs = problem.evidence.runs
-    squares = [stretch_of(robot, run, item.effect, item.at) ** 2 for robot, run in zip(robots, runs, strict=True)]
+    squares = [
+        float(np.mean(stretch_of(robot, run, item.effect, item.at) ** 2))
+        for robot, run in zip(robots, runs, strict=True)
+    ]
     return math.sqrt(float(np.mean(squares)))

@@ -1,0 +1,99 @@
+"""Intervals of laws of another form: they hold what else a number may be, and no more where there is no such form."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mbexport
+from mbexport.core.database import load
+from mbexport.core.diagnosis.doubts import doubted, doubts_of
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.search import Found
+from mbexport.core.effects import EffectRow
+
+from .pendulums import INERTIA, WEIGHT, command, pendulum_run, soft_run
+
+DAMPS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
+SPRING = {"stiffness": INERTIA * 30.0**2, "damping": 0.3}
+SOFT = Found("joint_compliance", 1, EffectRow(1, SPRING), 50.0)
+PLACE = ("viscous_friction", 1, "coefficient")
+
+
+def asked_of(runs):
+    asked = problem(load("pendulum"), "rigid", runs)
+    return asked, whitening(asked), blocks(asked.evidence)
+
+
+def damped(bend):
+    """Viscous friction fitted to a resistance of another form, how far it may be another number, its least squares."""
+    runs = [pendulum_run("motion", lambda t, q, dq: bend(dq), seed=seed) for seed in (1, 2)]
+    asked, whiten, parts = asked_of(runs)
+    fit = refined(asked, whiten, [DAMPS], parts)
+    doubts = doubts_of(asked, whiten, [DAMPS], fit, fit, parts)
+    speed = command(np.linspace(0.0, 4.0, 4001))[1]
+    torque = np.array([bend(v) for v in speed.tolist()])
+    return fit, doubts, float(speed @ torque / (speed @ speed))
+
+
+def half_of(fit, place):
+    k = fit.free.index(place)
+    return 1.96 * math.sqrt(fit.covariance[k, k])
+
+
+def test_friction_that_yields_is_one_number_near_rest_and_another_at_speed():
+    fit, doubts, nearest = damped(lambda dq: 0.5 * dq / (1.0 + 0.15 * abs(dq)))
+    value = fit.rows["viscous_friction", 1].values["coefficient"]
+    half = half_of(doubted(fit, doubts), PLACE)
+    assert half_of(fit, PLACE) < 0.02 < half
+    for other in (0.5, nearest):
+        assert abs(value - other) < half
+
+
+def test_friction_of_the_catalogue_is_one_number():
+    fit, doubts, nearest = damped(lambda dq: 0.5 * dq)
+    assert fit.rows["viscous_friction", 1].values["coefficient"] == pytest.approx(0.5, rel=0.01)
+    assert nearest == pytest.approx(0.5)
+    assert doubts.get(PLACE, 0.0) < 0.01
+    assert half_of(doubted(fit, doubts), PLACE) < 0.02
+
+
+def test_a_spring_that_stiffens_has_as_many_stiffnesses_as_it_is_asked_for():
+    stiffening = 0.5 / (WEIGHT / SPRING["stiffness"]) ** 2
+    asked, whiten, parts = asked_of([soft_run(**SPRING, stiffening=stiffening, seed=seed) for seed in (1, 2)])
+    question = (asked, whiten, [SOFT])
+    straight = refined(*question, parts)
+    before = float(np.sum(whiten(asked.residual({})) ** 2))
+    bent = beyond_catalogue(*question, straight, parts, SOFT, before)
+    nearest = straightened(*question, bent, parts)
+    wide = doubted(nearest, doubts_of(*question, bent, nearest, parts))
+    value = nearest.rows[SOFT.key].values
+    # the straight one whose torque is nearest along the stretches that its weight makes
+    stretch = np.linspace(-1.0, 1.0, 201) * WEIGHT / SPRING["stiffness"]
+    torque = SPRING["stiffness"] * stretch * (1.0 + stiffening * stretch**2)
+    chord = float(torque @ stretch / (stretch @ stretch))
+    for name, other in (("stiffness", chord), ("damping", SPRING["damping"])):
+        place = (*SOFT.key, name)
+        assert half_of(nearest, place) < half_of(wide, place)
+        assert abs(value[name] - other) < half_of(wide, place)
+
+
+def test_a_straight_spring_has_one():
+    asked, whiten, parts = asked_of([soft_run(**SPRING, seed=seed) for seed in (1, 2)])
+    fit = refined(asked, whiten, [SOFT], parts)
+    assert straightened(asked, whiten, [SOFT], fit, parts) is fit
+    assert doubts_of(asked, whiten, [SOFT], fit, fit, parts) == {}
+    assert doubted(fit, {}) is fit
+
+
+def test_a_diagnosis_tells_the_wider_interval():
+    runs = [pendulum_run("motion", lambda t, q, dq: 0.5 * dq / (1.0 + 0.15 * abs(dq)), seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose(load("pendulum"), runs, level="rigid", backends=["mjcf"])
+    (found,) = answer.which
+    assert found.effect == "viscous_friction"
+    least, most = found.parameters["coefficient"].ci95
+    assert least < 0.4 < 0.5 < most
