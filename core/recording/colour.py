@@ -163,8 +163,9 @@ def coloured(channels: Sequence[tuple[Vector, float, float]]) -> list[Coloured]:
         slope = min(slope, max(fit[k].highest for k in curves))
         for k in curves:
             alone[k] = _of_slope(fit[k], slope)
-    # what a size can tell is how slow noise of one memory is; white noise it would only make a little slow
-    there = {k: one for k, one in fit.items() if np.abs(alone[k].ar).sum() > _SLOW}
+    # what a size can tell is how slow noise is, white noise it would only make a little slow; and of a longer memory
+    # whether one sample's does as well
+    there = {k: one for k, one in enumerate(upper) if one is not None and abs(alone[k].ar.sum()) > _SLOW}
     known = {k: channels[k][2] for k, one in there.items() if channels[k][2] > _MORE * one.white}
     curves = {k: _curve_of_known(there[k], variance, alone[k]) for k, variance in known.items()}
     curves = {k: curve for k, curve in curves.items() if curve.min() < _DISAGREES}
