@@ -301,8 +301,8 @@ def _errors(sheet: DriveSheet, run: Prepared, theta: Vector, dtheta: Vector) -> 
 def clamped_at(run: Prepared, joint: int) -> float:
     """Where a clamped joint's arm stands, as its motor would report it [rad or m].
 
-    By the second encoder, else in the middle of where the motor is while it bears little, on ways there and back alike:
-    friction keeps it before the middle on the one and beyond it on the other.
+    By the second encoder, else in the middle of where the motor bears nothing, on ways there and back alike: friction
+    keeps it before the middle on the one and beyond it on the other.
 
     Args:
         run: In which it is clamped.
@@ -312,12 +312,18 @@ def clamped_at(run: Prepared, joint: int) -> float:
     if "q_link" in run.measured and not run.missing["q_link"][:, i].all():
         return float(np.mean(run.measured["q_link"][~run.missing["q_link"][:, i], i]))
     q, dq = run.q[:, i], run.dq[:, i]
-    torque = run.measured.get("tau", run.measured.get("tau_link"))
-    light = np.ones(len(q), dtype=bool)
-    if torque is not None:
-        light = np.abs(torque[:, i]) <= LIGHT * np.abs(torque[:, i]).max()
-    ways = [q[light & side] for side in (dq > 0.0, dq < 0.0)]
-    return float(np.mean([np.mean(way) for way in ways if len(way)] or [0.5 * (q.min() + q.max())]))
+    torques = run.measured.get("tau", run.measured.get("tau_link"))
+    torque = np.zeros(len(q)) if torques is None else torques[:, i]
+    light = np.abs(torque) <= LIGHT * np.abs(torque).max()
+    ways = [_unloaded(q[way], torque[way]) for side in (dq > 0.0, dq < 0.0) if (way := light & side).any()]
+    return float(np.mean(ways or [0.5 * (q.min() + q.max())]))
+
+
+def _unloaded(q: Vector, torque: Vector) -> float:
+    """Where a line through positions by torques has none; their mean would go with where samples happen to be."""
+    aside = torque - float(torque.mean())
+    power = float(aside @ aside)
+    return float(q.mean()) - (float(aside @ q) / power * float(torque.mean()) if power > 0.0 else 0.0)
 
 
 def _stopped(
