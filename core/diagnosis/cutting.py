@@ -12,9 +12,8 @@ from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .beyond import LIMIT
-from .model import robot_of, tables
-from .noise import noise_floor
-from .resimulate import residuals, resimulated_once
+from .model import tables
+from .polish import simulated_left
 
 # parts of what the one with a knee comes to
 LOWER = (0.95, 0.9, 0.85, 0.8)
@@ -58,14 +57,7 @@ def _misses(
     database: Database, level: str, runs: Sequence[Run], rows: Mapping[tuple[str, int], EffectRow], backend: str
 ) -> float:
     """Sum of squares of what is left of simulated runs, in units of their sensors' noise; infinity where none goes."""
-    total = 0.0
-    for run in runs:
-        nominal = robot_of(database, level, run)
-        sigma = noise_floor(database, level, run).sensor
-        try:
-            there = resimulated_once(robot_of(database, level, run, tables(rows)), nominal, run, backend)
-        except RefusedError:
-            return math.inf
-        left = residuals(run, there)
-        total += sum(float(np.nansum(np.square(left[name] / sigma[name]))) for name in left)
-    return total
+    try:
+        return sum(float(np.sum(simulated_left(database, level, run, tables(rows), backend) ** 2)) for run in runs)
+    except RefusedError:
+        return math.inf

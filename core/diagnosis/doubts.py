@@ -22,6 +22,7 @@ from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined
+from .unseen import EARNS
 
 if TYPE_CHECKING:
     from .search import Found
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 # by effect, number of its place and column: how far a number may be another one [SI]
 Doubts = Mapping[tuple[str, int, str], float]
-# log evidence that other forms must earn
-EARNS = 3.0
 
 
 def doubts_of(

@@ -304,10 +304,12 @@ class Judge:
         told = not held.found or held.how_far.shrinks_by is not None
         if held.adequate or not told or not any(mode_of(run) == "pd" for run in self.runs):
             return held
+        # where a law that no engine has leaves next to nothing along the motion, what simulation leaves is its own
+        said = held.unseen.beyond < MOST_LEFT and held.unseen.open * held.unseen.beyond < OTHER_FORM
         for option in self._closing(held, state):
             found = (*held.found, option)
             unseen = judged(self.whole, self.whiten, found, self.ways)
-            if option.effect != "delay" and unseen.gains[-1] < 0.0:
+            if option.effect != "delay" and (said or unseen.gains[-1] < 0.0):
                 continue
             numbers = self._numbers(found, unseen, far=True)
             if any(vanished(number, item) for number in numbers for item in found):
@@ -656,7 +658,7 @@ class Judge:
             row = with_knee(part, whiten, there, refined(part, whiten, there, parts), parts, item).rows[item.key]
             softer = [*found[:k], replace(item, row=row), *found[k + 1 :]]
             other = judged(self.whole, self.whiten, softer, self.ways)
-            if KNEE in row.values and other.open * other.beyond < MOST_LEFT * unseen.open:
+            if other.open * other.beyond < MOST_LEFT * unseen.open:
                 return softer
         return None
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
-from .beyond import KNEE, LIMIT, RANGES, SPRINGS, STIFFENING, by_catalogue
+from .beyond import KNEE, LIMIT, SPRINGS, STIFFENING, by_catalogue, number_of
 from .fit import Part, gained, spread
 from .hypotheses import clamped
 from .inverse import stretch_of
@@ -60,8 +60,8 @@ def beyond_catalogue(
         before: Sum of squares that is left without it.
     """
     left, loud = _above(fit), before - len(fit.left)
-    if not 0.0 < left < loud or not by_catalogue_now(fit, item):
-        # it explains all, or nothing
+    if not 0.0 < left < loud or number_of(item.effect, fit.rows[item.key]):
+        # it explains all, or nothing, or has another law already
         return fit
     if item.effect == LIMIT:
         other = with_knee(problem, whiten, found, fit, parts, item)
@@ -92,11 +92,6 @@ def with_knee(
     return _best_from(problem, whiten, found, fit, parts, item, begun)
 
 
-def by_catalogue_now(fit: Refined, item: Found) -> bool:
-    """Whether a fit has the catalogue's law of a finding."""
-    return not RANGES.keys() & fit.rows[item.key].values.keys()
-
-
 def straightened(
     problem: Problem, whiten: Whitening, found: Sequence[Found], fit: Refined, parts: Sequence[Part]
 ) -> Refined:
@@ -106,7 +101,7 @@ def straightened(
     to: of a lower one simulation tells more than the motion.
     """
     springs = [item for item in found if STIFFENING in fit.rows[item.key].values]
-    rows = {key: _straight(row) for key, row in fit.rows.items()}
+    rows = {key: by_catalogue(row) if key[0] in SPRINGS else row for key, row in fit.rows.items()}
 
     def leaves(begun: Mapping[tuple[str, int], EffectRow]) -> float:
         rest = left_with(problem, whiten, tables(begun))
@@ -139,11 +134,6 @@ def _cutting(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:
         slope=fit.slope[:, kept],
         shown=tuple(fit.shown[k] for k in kept),
     )
-
-
-def _straight(row: EffectRow) -> EffectRow:
-    """A row whose springs are straight."""
-    return by_catalogue(row) if STIFFENING in row.values else row
 
 
 def _best_from(

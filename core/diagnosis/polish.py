@@ -154,11 +154,11 @@ def polished(
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left_of(run: Run, x: Vector) -> Vector:
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated)
+        return simulated_left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated)
 
     def moved(run: Run, x: Vector) -> Vector:
         # what a slope takes is asked for once, and must not push out what is asked for again
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
+        return simulated_left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
 
     def left(x: Vector) -> list[Vector]:
         return [left_of(run, x) for run in runs]
@@ -231,13 +231,13 @@ def closing(
     limits = _limits(problem, fit, start)
 
     def left_of(run: Run, x: Vector) -> Vector:
-        return _left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
+        return simulated_left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
 
     def steps(effects: Rows) -> float:
         return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
 
     most = STIFFER * steps(rows)
-    now = [_left(problem.database, level, run, rows, backend, resimulated) for run in runs]
+    now = [simulated_left(problem.database, level, run, rows, backend, resimulated) for run in runs]
     own = [_slopes(partial(left_of, run), one, start, step, limits) for run, one in zip(runs, now, strict=True)]
     energies: list[float] = []
     for option in options:
@@ -245,7 +245,8 @@ def closing(
             if steps(merged(rows, option)) > most:
                 raise RefusedError("it would take too long")
             there = [
-                _left(problem.database, level, run, merged(rows, option), backend, resimulated_once) for run in runs
+                simulated_left(problem.database, level, run, merged(rows, option), backend, resimulated_once)
+                for run in runs
             ]
         except MbexportError:
             # nor may a body be so light
@@ -341,13 +342,13 @@ def rows_at(fit: Refined, x: Vector) -> dict[tuple[str, int], EffectRow]:
     return {key: EffectRow(key[1], one) for key, one in values.items()}
 
 
-def _left(
+def simulated_left(
     database: Database,
     level: str,
     run: Run,
     effects: Rows,
     backend: str,
-    simulated: Callable[[Robot, Robot, Run, str], Mapping[str, Vector]],
+    simulated: Callable[[Robot, Robot, Run, str], Mapping[str, Vector]] = resimulated_once,
 ) -> Vector:
     """Measured minus simulated of a run in units of noise, 0 where nothing was measured, shape (m, channels)."""
     robot = robot_of(database, level, run, effects)
@@ -402,7 +403,7 @@ class _Loose:
 
 
 def _tolerances(database: Database, level: str, run: Run, effects: Rows) -> Vector:
-    """What one standard deviation of each of the database's numbers changes, as `_left` has it, (m, channels, p).
+    """What one standard deviation of each of the database's numbers changes, as what is left has it, (m, channels, p).
 
     Of the robot with what was found: what is off by a part changes what a tilt or a payload makes of it.
     """

@@ -171,4 +171,4 @@ def _common(told: Sequence[_Told], rate: float) -> float:
     if round(samples) and abs(samples - round(samples)) < WHOLE:
         return round(samples) / rate
     # what is not counted and leaves the gap what it is holds back by chance as a shift would: a limit does
-    return common if min(one.after / one.before for one in told) < STAYS else 0.0
+    return common if any(one.before > 0.0 and one.after < STAYS * one.before for one in told) else 0.0
