@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # A stuck joint gives this much before it slips [rad or m]: half of what the database's contract lets it creep.
 STICK_DISPLACEMENT = 5.0e-6
+# what joints accelerate at as they move, to tell what they bear where gravity loads them with nothing [rad/s^2 or m/s^2]
+ACCELERATION = 2.0
 # A contact that is given no stiffness (backlash, transmission error of a rigid joint): the effects' contract.
 CONTACT_FREQUENCY = 500.0
 CONTACT_DAMPING_RATIO = 0.15
@@ -167,7 +169,8 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
                     raise UsageError(
                         f"{robot.name}: {stage.joint.name} would have an inertia of {inertia!r}; no bodies make that."
                     )
-                stick = _bristle(level_at_rest(stage.drive, float(load[i])), inertia)
+                passed = usual_load(float(load[i]), float(mass_matrix[i, i]))
+                stick = _bristle(level_at_rest(stage.drive, passed), inertia)
                 stages[i] = replace(stage, drive=replace(stage.drive, stick=stick))
     return replace(robot, stages=tuple(stages), notes=robot.notes + tuple(notes))
 
@@ -190,6 +193,14 @@ def _contact(spring: Spring, motor: float, arm: float) -> Spring:
 
 def _sticks(drive: Drive) -> bool:
     return any(term.kind == "level" for term in drive.terms)
+
+
+def usual_load(gravity: float, inertia: float) -> float:
+    """What a joint passes to its arms as it moves [N m or N], where these have an inertia and gravity loads it so.
+
+    About a vertical axis, or where an arm hangs, gravity is no measure of it: rounding would be.
+    """
+    return max(abs(gravity), ACCELERATION * inertia)
 
 
 def level_at_rest(drive: Drive, load: float) -> float:

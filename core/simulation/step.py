@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..build import level_at_rest
+from ..build import level_at_rest, usual_load
 from ..errors import RefusedError
 from ..kinematics import dynamics
 from ..representation import Robot
@@ -92,7 +92,8 @@ def _linearised(robot: Robot, mass_matrix: Vector, gravity: Vector, bristles: bo
         stiffness[i, i] += sum(spring.stiffness for spring in drive.arm_springs)
         stiffness[motor, motor] += sum(slip.stiffness for slip in drive.slips)
         damping[motor, motor] += drive.damping
-        level = level_at_rest(drive, abs(float(gravity[i]))) if drive.terms else 0.0
+        passed = usual_load(float(gravity[i]), float(mass_matrix[i, i]))
+        level = level_at_rest(drive, passed) if drive.terms else 0.0
         if level > 0.0 and robot.friction.model == "smooth":
             damping[motor, motor] += level / robot.friction.velocity
         elif level > 0.0 and drive.stick and bristles:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mbexport.core.control import Control
-from mbexport.core.motion import from_table
+from mbexport.core.motion import from_table, hold
 from mbexport.core.simulation import simulate
 
 
@@ -141,6 +141,25 @@ def test_load_friction_is_solved_with_the_acceleration(robot_with, pendulum, sam
     states, _ = sampled_loop(accelerate, [trace.joints["q"][0, 0], 0.0], control, rate, 0.3)
     np.testing.assert_allclose(trace.joints["q"][:, 0], states[:, 0], atol=1e-9)
     np.testing.assert_allclose(trace.joints["dq"][:, 0], states[:, 1], atol=1e-7)
+
+
+@pytest.mark.parametrize("backend", ["urdf", "mjcf"])
+def test_load_friction_opposes_motion_where_gravity_loads_nothing(robot_with, pendulum, backend):
+    """Driven, then braked: (j + (1 + mu) m) q'' = tau, then (j + (1 - mu) m) q'' = tau, whatever the load at rest."""
+    mu, j, tau, rate = 0.2, 0.15, 0.6, 1000.0
+    tables = {"load_friction": {1: {"coefficient": mu}}, "rotor_inertia": {1: {"inertia": j}}}
+    # about an axis that is vertical but for what angles are rounded by
+    robot = robot_with("pendulum", base_tilt={0: {"roll": math.pi / 2, "pitch": 1e-12}}, **tables)
+    torque = np.where(np.arange(602) < 300, tau, -tau)[:, None]
+    law, control = hold(np.zeros(1), 0.4), Control("torque", rate=rate)
+    trace = simulate(robot, backend, law, control, duration=0.4, rate=rate, torque=torque)
+    dq = trace.joints["dq"][:, 0]
+    assert dq.min() >= 0.0
+    driven = tau / (j + (1.0 + mu) * pendulum.inertia)
+    braked = tau / (j + (1.0 - mu) * pendulum.inertia)
+    assert braked > 1.2 * driven
+    assert (dq[290] - dq[100]) * rate / 190 == pytest.approx(driven, rel=1e-3)
+    assert (dq[310] - dq[390]) * rate / 80 == pytest.approx(braked, rel=1e-3)
 
 
 def test_load_friction_behind_a_spring_takes_the_spring_torque(robot_with, swing):
