@@ -214,8 +214,9 @@ class _Diagnosing:
         state = begun = Search(seen, seen_whiten)
         state.begin()
         fitted = self._gap([ready[k] for k in fitted_on]) if holdout else before
-        loud = before.chance < LEVEL and fitted.chance < HARDLY
         parts = blocks(seen.evidence)
+        # windows of half a second show less of what rings than the measured motion
+        loud = before.chance < LEVEL and (fitted.chance < HARDLY or shows(state.left, parts))
         if judge.by_bands:
             loud = shows_in_band(state.left, parts)
         state, judge, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)

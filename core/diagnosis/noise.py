@@ -19,7 +19,7 @@ from ..representation import Arm, Robot
 from .feedback import hears, told
 from .model import robot_of
 from .prepare import prepared, small_turn
-from .resimulate import WINDOW, mode_of, settled, smoothed
+from .resimulate import WINDOW, mode_of, settled, smoothed, window_edges
 from .sensed import noise_in, response_of
 
 Vector = NDArray[np.float64]
@@ -291,7 +291,7 @@ def _add_start(robot: Robot, run: Run, sigma: dict[str, Vector], samples: dict[s
     """Mode torque: what noise in a window's first state grows to within it, into sigma and samples."""
     grid = smoothed(run)
     noise = noise_in(run, "q")
-    starts = np.arange(0.0, run.t[-1], WINDOW)
+    starts = np.array(window_edges(run)[:-1])
     at = np.clip(np.round(starts / grid.h).astype(np.int64), 0, len(grid.t) - 1)
     others = [prepared(run, grid.band, {"q": _drawn(run, noise, seed)}) for seed in range(DRAWS)]
     place = np.sqrt(np.mean([np.square((other.q - grid.q)[at]) for other in others], axis=(0, 1)))

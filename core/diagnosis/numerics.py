@@ -329,7 +329,8 @@ def step_of(robot: Robot, run: Run, backend: Backend) -> float:
 
 def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector]) -> dict[str, Vector]:
     return {
-        name: np.sqrt(np.mean(np.square(values - other[name]), axis=0))
+        # before the first window of mode torque there is nothing
+        name: np.sqrt(np.nanmean(np.square(values - other[name]), axis=0))
         for name, values in one.items()
         if name != "ee_rot"
     }

@@ -78,7 +78,7 @@ def resimulated_once(
     """Every signal that the run has, as the simulation gives it under the same command and controller.
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
-    in windows of half a second, each begun from the smoothed measured state. Mode unknown: as mode motion, with the
+    in windows of half a second, each begun from the smoothed measured state, NaN before the first. Mode unknown: as mode motion, with the
     measured positions behind a zero-phase filter, the torque as motors are asked for it. Clamped joints, which no
     engine holds: inverse dynamics along the measured motion.
 
@@ -169,7 +169,7 @@ def compared(run: Run) -> dict[str, Vector]:
     if mode_of(run) == "torque":
         # a window begins with friction's bristles unbent, and turns when its start's noise lets it
         loose = _loose(smoothed(run), run.t, TURNED)
-        begun: Vector = np.array(_edges(run))[:, None] - ON_CLOCK
+        begun: Vector = np.array(window_edges(run))[:, None] - ON_CLOCK
         loose |= np.any((run.t >= begun) & (run.t < begun + TURNED), axis=0)[:, None]
         lost = _beyond_command(run)[:, None]
         return {
@@ -208,8 +208,9 @@ def _beyond_command(run: Run) -> NDArray[np.bool_]:
     lost = np.zeros(len(run.t), dtype=bool)
     gaps = np.flatnonzero(np.diff(run.t) * run.rate > GAP) + 1
     if run.control.mode == "torque":
-        reach = smoothed(run).edge * smoothed(run).h
-        for row, (begin, end) in product(gaps, pairwise(_edges(run))):
+        edges, reach = window_edges(run), smoothed(run).edge * smoothed(run).h
+        lost |= run.t < edges[0] - ON_CLOCK
+        for row, (begin, end) in product(gaps, pairwise(edges)):
             before, after = run.t[row - 1], run.t[row]
             if before < end and begin < after + reach:
                 # a start beside the gap has the bridge's motion
@@ -267,6 +268,13 @@ def start_of(robot: Robot, run: Run) -> MachineState | None:
 
     The arm sides stand behind their springs as gravity lets them, and move with the motor sides.
     """
+    begun = _moving_at_first(run)
+    return state_at(robot, *begun) if begun else None
+
+
+@lru_cache(maxsize=32)
+def _moving_at_first(run: Run) -> tuple[Vector, Vector] | None:
+    """Measured positions and speeds (n,) at the first row of a run that plainly begins in motion."""
     first = (run.t <= BEGINNING) | (np.arange(len(run.t)) < FEWEST)
     q, dq, spread = np.empty(run.n), np.empty(run.n), np.empty(run.n)
     for i, column in enumerate(run.signals["q"][first].T):
@@ -281,7 +289,7 @@ def start_of(robot: Robot, run: Run) -> MachineState | None:
     fast = np.abs(dq) > FAST * np.nanmax(np.abs(smoothed(run).dq), axis=0)
     # noise is asked for where it matters: to know it takes as long as a simulation
     moves = fast.any() and bool(np.any(fast & (np.abs(dq) > PLAIN * spread * noise_in(run, "q").sigma)))
-    return state_at(robot, q, dq) if moves else None
+    return (q, dq) if moves else None
 
 
 def state_at(robot: Robot, reported: Vector, dtheta: Vector) -> MachineState:
@@ -356,7 +364,7 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
     control = replace(run.control, rate=rate)
     prompt = replace(robot, delay=0.0)
     grid = smoothed(run)
-    edges = _edges(run)
+    edges = window_edges(run)
     # motors' positions and speeds as windows begin, and those of arms that are bent
     there = (grid.q, grid.dq, *(arms_along(prompt, grid) if _gives(prompt) else ()))
     starts = [_between(grid.t, values, np.array(edges)) for values in there]
@@ -370,7 +378,7 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
         torque = held_torque(run, begin + np.arange(int(duration * rate) + 2) / rate - robot.delay)
         q, dq, *arms = (values[number] for values in starts)
         start = state_at(prompt, q, dq)
-        if number and arms:
+        if begin > 0.0 and arms:
             start = replace(start, q=arms[0], dq=arms[1])
         trace = simulate(
             prompt,
@@ -385,13 +393,21 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
             without=_unseen(run),
         )
         pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run), held=True))
-    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
+    before = int(np.sum(run.t < edges[0] - ON_CLOCK))
+    unknown = {name: np.full((before, *values.shape[1:]), np.nan) for name, values in pieces[0].items()}
+    return {name: np.concatenate([unknown[name], *(piece[name] for piece in pieces)]) for name in pieces[0]}
 
 
-def _edges(run: Run) -> list[float]:
-    """Where the windows of mode torque begin, on ticks, and where the last one ends [s]."""
-    spans = max(1, int(np.ceil(run.t[-1] / WINDOW - 1.0e-9)))
-    return [round(run.duration * k / spans * run.control.rate) / run.control.rate for k in range(spans + 1)]
+def window_edges(run: Run) -> list[float]:
+    """Where the windows of mode torque begin, on ticks, and where the last one ends [s].
+
+    Of a run that begins in the midst of a motion the filter's edge is left out: it knows no state there.
+    """
+    grid, rate, begin = smoothed(run), run.control.rate, 0.0
+    if _moving_at_first(run):
+        begin = float(np.ceil(min(grid.edge * grid.h, run.duration / 4.0) * rate) / rate)
+    spans = max(1, int(np.ceil((run.t[-1] - begin) / WINDOW - 1.0e-9)))
+    return [round((begin + (run.duration - begin) * k / spans) * rate) / rate for k in range(spans + 1)]
 
 
 def _gives(robot: Robot) -> bool:

@@ -114,6 +114,22 @@ def test_torque_alone_is_followed_in_windows():
     assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"))["q"]) > 100.0 * NOISE["q"]
 
 
+def test_windows_of_a_torque_run_that_begins_in_motion_begin_where_its_motion_is_known():
+    """At a run's end the filter knows no speed: as wrong a start as that is taken for a gap half a second long."""
+    whole = pendulum_run("torque", rate=1000.0, duration=3.0)
+    for cut in (700, 1100, 1600):
+        signals = {name: values[cut:] for name, values in whole.signals.items()}
+        late = replace(whole, t=whole.t[cut:] - whole.t[cut], signals=signals)
+        assert start_of(robot(late), late) is not None
+        simulated = resimulated(robot(late), robot(late), late, "mjcf")
+        left = residuals(late, simulated)["q"]
+        unknown = int(np.isnan(left).sum())
+        assert 0 < unknown < 300
+        assert np.isnan(left[:unknown]).all() and np.isnan(simulated["q"][:unknown]).all()
+        assert rms(left) < 15.0 * NOISE["q"]
+        assert all(np.isfinite(values).all() for values in noise_floor(DATABASE, "rigid", late).sigma.values())
+
+
 def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick():
     """And one stamped before its tick by as little is of that tick, as one on time is."""
     on_time = pendulum_run("torque", rate=1000.0)
