@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 # A stuck joint gives this much before it slips [rad or m]: half of what the database's contract lets it creep.
 STICK_DISPLACEMENT = 5.0e-6
-# what joints accelerate at as they move, to tell what they bear where gravity loads them with nothing [rad/s^2 or m/s^2]
+# at which joints move, to tell what they bear where gravity loads them with nothing [rad/s^2 or m/s^2]
 ACCELERATION = 2.0
 # A contact that is given no stiffness (backlash, transmission error of a rigid joint): the effects' contract.
 CONTACT_FREQUENCY = 500.0

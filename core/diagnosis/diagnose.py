@@ -418,10 +418,10 @@ class _Diagnosing:
         robot = robot_of(self.database, self.level, run)
         noise = noise_floor(self.database, self.level, run)
         simulated = resimulated(robot, robot, run, self.backend)
-        if shift := shift_of(run, simulated, noise):
+        if shift := shift_of(run, robot, simulated, noise):
             notes.append(shift_said(run, shift))
             return unshifted(run, shift)
-        if shift := torque_shift_of(run, simulated, noise):
+        if shift := torque_shift_of(run, robot, simulated, noise):
             notes.append(torque_shift_said(run, shift))
         return unshifted(run, shift, ("tau",))
 
@@ -440,7 +440,7 @@ class _Diagnosing:
         """What the robot as it is known leaves of each run, and what a perfect model would."""
         robots = [robot_of(self.database, self.level, run) for run in runs]
         left = [
-            residuals(run, resimulated(robot, robot, run, self.backend))
+            residuals(run, resimulated(robot, robot, run, self.backend), robot)
             for run, robot in zip(runs, robots, strict=True)
         ]
         return left, [noise_floor(self.database, self.level, run) for run in runs]

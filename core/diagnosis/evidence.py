@@ -34,6 +34,8 @@ FEW = 200
 NEIGHBOURS = 0.04
 # a joint stands below this part of its own highest speed
 CREEP = 0.01
+# one that stands for this part of a run stands most of the time
+STANDS = 0.7
 # a joint that stands for so long rests [s]
 REST = 0.05
 SEED = 20131115
@@ -277,7 +279,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         voice = Voice(nominal, nominal, creep)
         values = differences(run, voice.says(run))
-        mask = _masks(run, values, creep, _sticking(nominal))
+        mask = _masks(run, values, creep, sticks(nominal))
         masks.append(mask)
         noise, mix, asked = _noise(run, voice, values, mask)
         mixes.append(mix)
@@ -308,7 +310,7 @@ def creep_of(run: Prepared) -> Vector:
     return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
-def _sticking(robot: Robot) -> NDArray[np.bool_]:
+def sticks(robot: Robot) -> NDArray[np.bool_]:
     """Joints with friction that sticks, shape (n,)."""
     drives = [stage.drive for stage in robot.stages]
     return np.array([any(term.kind == "level" for term in drive.terms) for drive in drives])
@@ -326,7 +328,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
     rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
     near = widened(stands | turns, 0.5 * period) | widened(rests, period)
     # a joint that stands all the time still shows its load, unless its friction may bear any of it
-    unsure = near & ((stands.mean(axis=0) < 0.7) | sticking)
+    unsure = near & ((stands.mean(axis=0) < STANDS) | sticking)
     for joint in run.run.locked:
         # behind a clamped output it creeps from rest to rest, and shows its load on the way alone
         unsure[:, joint - 1] = (stands | turns)[:, joint - 1]

@@ -373,7 +373,7 @@ class Judge:
         for run in (self.runs[k] for k in self.ways[0].seen):
             robot = robot_of(self.database, self.level, run)
             sensor = noise_floor(self.database, self.level, run).sensor
-            for name, left in residuals(run, resimulated(robot, robot, run, self.backend)).items():
+            for name, left in residuals(run, resimulated(robot, robot, run, self.backend), robot).items():
                 if name in JOINT_SIGNALS:
                     total += np.nansum(np.square(left / sensor[name]), axis=0)
         return [int(i) + 1 for i in np.argsort(-total, kind="stable")]
@@ -722,12 +722,13 @@ class Judge:
         if not found:
             return answer, overlays, None
         judged_runs = [run for fold in folds for run in fold.runs]
-        gaps = [residuals(run, overlay.before) for run, overlay in zip(judged_runs, overlays, strict=True)]
-        left = [residuals(run, overlay.after) for run, overlay in zip(judged_runs, overlays, strict=True)]
+        nominals = [robot_of(self.database, self.level, run) for run in judged_runs]
+        told = list(zip(judged_runs, overlays, nominals, strict=True))
+        gaps = [residuals(run, overlay.before, nominal) for run, overlay, nominal in told]
+        left = [residuals(run, overlay.after, nominal) for run, overlay, nominal in told]
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
-        robot = robot_of(self.database, self.level, judged_runs[0])
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        return answer, overlays, gap_of(left, noises, judged_runs, robot, fitted)
+        return answer, overlays, gap_of(left, noises, judged_runs, nominals[0], fitted)
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

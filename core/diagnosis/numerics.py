@@ -193,7 +193,9 @@ def suspected(
         noises: Of the runs.
         least: Part that is left without one.
     """
-    left = [residuals(run, resimulated(robot, robot, run, backend)) for robot, run in zip(robots, runs, strict=True)]
+    left = [
+        residuals(run, resimulated(robot, robot, run, backend), robot) for robot, run in zip(robots, runs, strict=True)
+    ]
     # without a torque friction that damps may look like half of a gap
     half = HALF if all(map(tells_torque, runs)) else NUMERICAL
     worst = loudest_of(left, noises)
@@ -231,7 +233,7 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
     def along(after: Mapping[str, Vector]) -> tuple[float, float]:
         return _along(whole, _in_noise(after, noise))
 
-    left = residuals(run, resimulated(robot, robot, run, backend))
+    left = residuals(run, resimulated(robot, robot, run, backend), robot)
     whole = _in_noise(left, noise)
     tried = [(suspect, left_of(suspect)) for suspect in (_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)]
     alone = run.n == 1 and not tells_torque(run)
@@ -252,7 +254,7 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
 def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:
     """Measured minus simulated where a suspect is put right, as `residuals` has it."""
     other = suspect.change(run)
-    return residuals(other, resimulated(robot, robot, other, backend, begun=run))
+    return residuals(other, resimulated(robot, robot, other, backend, begun=run), robot)
 
 
 def tells_torque(run: Run) -> bool:

@@ -106,7 +106,7 @@ def unsure(database: Database, level: str, runs: Sequence[Run], fit: Refined, kn
             return {}
         sensor, first = noise_floor(database, level, run).sensor, 0
         each = np.einsum("mck,kl,mcl->c", slopes, fit.covariance, slopes, optimize=True) / len(slopes)
-        for name in sorted(compared(run)):
+        for name in sorted(compared(run, robot_of(database, level, run))):
             last = first + len(sensor[name])
             squares.setdefault(name, []).append(each[first:last] * np.square(sensor[name]))
             first = last
@@ -225,7 +225,11 @@ def closing(
     """
     rows = tables(fit.rows)
     loose = _Loose.of([_tolerances(problem.database, level, run, rows) for run in runs])
-    count = sum(int(np.isfinite(values).sum()) for run in runs for values in compared(run).values())
+    count = sum(
+        int(np.isfinite(values).sum())
+        for run in runs
+        for values in compared(run, robot_of(problem.database, level, run)).values()
+    )
     start, sigma = _numbers(fit)
     step = _step(start, sigma)
     limits = _limits(problem, fit, start)
@@ -352,7 +356,8 @@ def simulated_left(
 ) -> Vector:
     """Measured minus simulated of a run in units of noise, 0 where nothing was measured, shape (m, channels)."""
     robot = robot_of(database, level, run, effects)
-    apart = residuals(run, simulated(robot, robot_of(database, level, run), run, backend))
+    nominal = robot_of(database, level, run)
+    apart = residuals(run, simulated(robot, nominal, run, backend), nominal)
     sigma = noise_floor(database, level, run).sensor
     return np.column_stack([np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)])
 
@@ -412,7 +417,7 @@ def _tolerances(database: Database, level: str, run: Run, effects: Rows) -> Vect
     sigma = noise_floor(database, level, run).sensor
     times = tolerance_times(run)
     columns: list[Vector] = []
-    for name, measured in sorted(compared(run).items()):
+    for name, measured in sorted(compared(run, robot_of(database, level, run)).items()):
         there: NDArray[np.bool_] = np.isfinite(measured)
         if name == "ee_rot":
             there = np.repeat(there.all(axis=1, keepdims=True), 3, axis=1)

@@ -23,7 +23,7 @@ from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
-from .evidence import creep_of
+from .evidence import STANDS, creep_of, sticks
 from .inverse import arms_along, said
 from .prepare import Prepared, prepared, widened
 from .sensed import noise_in
@@ -78,9 +78,9 @@ def resimulated_once(
     """Every signal that the run has, as the simulation gives it under the same command and controller.
 
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
-    in windows of half a second, each begun from the smoothed measured state, NaN before the first. Mode unknown: as mode motion, with the
-    measured positions behind a zero-phase filter, the torque as motors are asked for it. Clamped joints, which no
-    engine holds: inverse dynamics along the measured motion.
+    in windows of half a second, each begun from the smoothed measured state, NaN before the first. Mode unknown: as
+    mode motion, with the measured positions behind a zero-phase filter, the torque as motors are asked for it. Clamped
+    joints, which no engine holds: inverse dynamics along the measured motion.
 
     Args:
         robot: With all that it is thought to have.
@@ -150,7 +150,7 @@ def mode_of(run: Run) -> str:
     return "unknown"
 
 
-def compared(run: Run) -> dict[str, Vector]:
+def compared(run: Run, nominal: Robot) -> dict[str, Vector]:
     """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
 
     In mode unknown that is torque alone, behind the filter that the motion was smoothed with, and not where that feels
@@ -158,9 +158,14 @@ def compared(run: Run) -> dict[str, Vector]:
     turn of its way is not compared: which sample friction changes its sign at nobody knows; nor is, in mode torque,
     what drives pass on there and as a window begins. What was commanded in a gap of the record is not known either, and
     nothing is compared behind it until the controller has caught up, or a window begins anew.
+
+    Args:
+        run: As read.
+        nominal: The robot as it is known: friction that it has sticks where a joint stands.
     """
+    sticking = sticks(nominal)
     if mode_of(run) == "motion":
-        turns = _loose(smoothed(run), run.t, TURN)
+        turns = _loose(smoothed(run), run.t, TURN, sticking)
         return {
             name: np.where(turns, np.nan, run.signals[name]) if name in ("tau", "tau_link") else run.signals[name]
             for name in MEASURED
@@ -168,7 +173,7 @@ def compared(run: Run) -> dict[str, Vector]:
         }
     if mode_of(run) == "torque":
         # a window begins with friction's bristles unbent, and turns when its start's noise lets it
-        loose = _loose(smoothed(run), run.t, TURNED)
+        loose = _loose(smoothed(run), run.t, TURNED, sticking)
         begun: Vector = np.array(window_edges(run))[:, None] - ON_CLOCK
         loose |= np.any((run.t >= begun) & (run.t < begun + TURNED), axis=0)[:, None]
         lost = _beyond_command(run)[:, None]
@@ -184,7 +189,8 @@ def compared(run: Run) -> dict[str, Vector]:
     found: dict[str, Vector] = {}
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
-    loose = np.zeros(run.signals["q"].shape, dtype=bool) if run.locked else _loose(grid, run.t, 0.5 / grid.band)
+    none = np.zeros(run.signals["q"].shape, dtype=bool)
+    loose = none if run.locked else _loose(grid, run.t, 0.5 / grid.band, sticking)
     moved = grid.bridged("q").any(axis=1, keepdims=True)
     for name in ("tau", "tau_link"):
         if run.has(name):
@@ -225,20 +231,21 @@ def _beyond_command(run: Run) -> NDArray[np.bool_]:
     return lost
 
 
-def _loose(grid: Prepared, times: Vector, reach: float) -> NDArray[np.bool_]:
+def _loose(grid: Prepared, times: Vector, reach: float, sticking: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where joints (nearly) stand, so that friction is between its levels and no motion tells it, shape (k, n).
 
-    A joint that stands most of the time still shows its load.
+    A joint that stands most of the time still shows its load, unless its friction may bear any of it.
 
     Args:
         grid: The motion.
         times: At which to tell [s], shape (k,).
         reach: What is near it, before and after [s].
+        sticking: Joints with friction that sticks, shape (n,).
     """
     stands = np.abs(grid.dq) < creep_of(grid)
     stands |= np.vstack([np.zeros((1, stands.shape[1]), dtype=bool), np.diff(np.signbit(grid.dq), axis=0)])
     near = widened(stands, reach / grid.h)
-    near &= stands.mean(axis=0) < 0.7
+    near &= (stands.mean(axis=0) < STANDS) | sticking
     return _nearest(grid, near, times)
 
 
@@ -247,13 +254,13 @@ def _nearest(grid: Prepared, flags: NDArray[np.bool_], times: Vector) -> NDArray
     return flags[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
 
 
-def residuals(run: Run, simulated: Mapping[str, Vector]) -> dict[str, Vector]:
+def residuals(run: Run, simulated: Mapping[str, Vector], nominal: Robot) -> dict[str, Vector]:
     """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad].
 
     Mode torque: arms are held against their motors, for both drift away together.
     """
     left: dict[str, Vector] = {}
-    for name, measured in compared(run).items():
+    for name, measured in compared(run, nominal).items():
         if name == "ee_rot":
             left[name] = _turn(measured, simulated[name])
         elif name in simulated:

@@ -108,7 +108,7 @@ def test_a_spring_and_its_clearance_are_felt_as_they_should_be(gap):
 
 def test_what_a_clamped_robot_says_is_left_out_while_its_motor_stands():
     run = clamped_run()
-    measured = compared(run)["tau"]
+    measured = compared(run, robot_of(DATABASE, "rigid", run))["tau"]
     still = np.abs(np.gradient(run.signals["q"][:, 0], run.t)) < 1e-4
     assert np.isnan(measured[still]).all()
     assert np.isfinite(measured).mean() > 0.7

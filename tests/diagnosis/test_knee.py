@@ -123,7 +123,7 @@ def test_a_limit_is_no_matter_of_stamps():
     run = pendulum_run(gives=rounded, seed=1)
     robot = robot_of(load("pendulum"), "rigid", run)
     simulated = resimulated(robot, robot, run, "mjcf")
-    assert shift_of(run, simulated, noise_floor(load("pendulum"), "rigid", run)) == 0.0
+    assert shift_of(run, robot, simulated, noise_floor(load("pendulum"), "rigid", run)) == 0.0
 
 
 @pytest.mark.parametrize("gives", [rounded, saturated])

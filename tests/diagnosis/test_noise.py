@@ -23,7 +23,7 @@ DATABASE = load("pendulum")
 
 def left_of(run):
     robot = robot_of(DATABASE, "rigid", run)
-    return residuals(run, resimulated(robot, robot, run, "mjcf"))
+    return residuals(run, resimulated(robot, robot, run, "mjcf"), robot)
 
 
 def test_sensors_alone_where_nothing_is_off():
@@ -116,7 +116,7 @@ def test_what_a_tolerance_explains_is_no_gap():
     run = pendulum_run("pd")
     true = robot_of(DATABASE, "rigid", run, {"payload": (EffectRow(0, FrozenMap(_body(0.02))),)})
     tight = robot_of(DATABASE, "rigid", run)
-    gap = residuals(run, resimulated(true, tight, run, "mjcf"))
+    gap = residuals(run, resimulated(true, tight, run, "mjcf"), tight)
     assert significant(gap, noise_floor(DATABASE, "rigid", run)) < 1e-6
     assert significant(gap, noise_floor(replace(DATABASE, tolerance=Tolerance(mass=0.03)), "rigid", run)) > 0.05
 

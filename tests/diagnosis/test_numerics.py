@@ -36,7 +36,7 @@ DATABASE = load("pendulum")
 def shift_in(run):
     robot = robot_of(DATABASE, "rigid", run)
     simulated = resimulated(robot, robot, run, "mjcf")
-    return shift_of(run, simulated, noise_floor(DATABASE, "rigid", run))
+    return shift_of(run, robot, simulated, noise_floor(DATABASE, "rigid", run))
 
 
 @pytest.mark.parametrize("late", [0.004, 0.002])
@@ -45,7 +45,7 @@ def test_stamps_that_are_late_are_found_and_put_back(late):
     assert shift_in(run) == pytest.approx(late, rel=0.1)
     robot = robot_of(DATABASE, "rigid", run)
     back = unshifted(run, shift_in(run))
-    left = residuals(back, resimulated(robot, robot, back, "mjcf"))["q"][5:-5]
+    left = residuals(back, resimulated(robot, robot, back, "mjcf"), robot)["q"][5:-5]
     assert np.sqrt(np.nanmean(np.square(left))) < 3.0 * NOISE["q"]
 
 
@@ -173,7 +173,7 @@ def likely(run):
     robot = robot_of(DATABASE, "rigid", run)
     noise = noise_floor(DATABASE, "rigid", run)
     found = suspects(robot, run, "mjcf", noise)
-    before = residuals(run, resimulated(robot, robot, run, "mjcf"))
+    before = residuals(run, resimulated(robot, robot, run, "mjcf"), robot)
     left = part_left([before], [left_by(found[0], robot, run, "mjcf")], [noise]) if found else 1.0
     return [one.name for one in found], left
 
@@ -249,7 +249,7 @@ def test_a_late_torque_is_told_in_whole_samples_and_alone():
     robot = robot_of(DATABASE, "rigid", pendulum_run("pd"))
 
     def torque_shift_in(run):
-        return torque_shift_of(run, resimulated(robot, robot, run, "mjcf"), noise_floor(DATABASE, "rigid", run))
+        return torque_shift_of(run, robot, resimulated(robot, robot, run, "mjcf"), noise_floor(DATABASE, "rigid", run))
 
     assert torque_shift_in(pendulum_run("pd", torque_late=0.004)) == pytest.approx(0.004, abs=1e-12)
     # a filter's lag is none, nor is a torque that comes before its motion, nor one that comes with it

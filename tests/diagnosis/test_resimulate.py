@@ -46,7 +46,7 @@ def rms(values):
 @pytest.mark.parametrize("mode", ["pd", "motion"])
 def test_a_perfect_model_leaves_the_noise(mode, backend):
     run = pendulum_run(mode)
-    left = residuals(run, resimulated(robot(run), robot(run), run, backend))
+    left = residuals(run, resimulated(robot(run), robot(run), run, backend), robot(run))
     assert rms(left["q"]) == pytest.approx(NOISE["q"], rel=0.1)
     assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
 
@@ -55,8 +55,8 @@ def test_friction_that_the_model_has_is_no_gap_and_one_that_it_lacks_is():
     run = pendulum_run("pd", lambda t, q, dq: 0.5 * dq)
     base = robot(run)
     rubbing = robot(run, viscous_friction=[EffectRow(1, FrozenMap({"coefficient": 0.5}))])
-    assert rms(residuals(run, resimulated(rubbing, base, run, "mjcf"))["q"]) < 1.15 * NOISE["q"]
-    assert rms(residuals(run, resimulated(base, base, run, "mjcf"))["q"]) > 20.0 * NOISE["q"]
+    assert rms(residuals(run, resimulated(rubbing, base, run, "mjcf"), base)["q"]) < 1.15 * NOISE["q"]
+    assert rms(residuals(run, resimulated(base, base, run, "mjcf"), base)["q"]) > 20.0 * NOISE["q"]
 
 
 def test_a_gear_with_a_small_error_is_as_good_as_rigid_to_a_quick_controller():
@@ -81,13 +81,13 @@ def test_stamps_that_jitter_miss_and_lack_a_clock():
     stamps = np.concatenate([[0.0], stamps[stamps < 3.9]])
     run = pendulum_run("pd", stamps=stamps)
     run = replace(run, signals={**run.signals, "tau": np.full_like(run.signals["tau"], np.nan)})
-    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))
     assert rms(left["q"]) == pytest.approx(NOISE["q"], rel=0.15)
     assert np.isnan(left["tau"]).all()
     whole = pendulum_run("pd")
     kept = np.delete(np.arange(len(whole.t)), np.arange(100, 160))
     holed = replace(whole, t=whole.t[kept], signals={name: x[kept] for name, x in whole.signals.items()})
-    left = residuals(holed, resimulated(robot(holed), robot(holed), holed, "mjcf"))["tau"]
+    left = residuals(holed, resimulated(robot(holed), robot(holed), holed, "mjcf"), robot(holed))["tau"]
     # nobody knows what was asked for in the hole
     assert rms(left[np.abs(holed.t - 0.6) > 0.7]) < 1.1 * NOISE["tau"]
 
@@ -99,19 +99,19 @@ def test_a_given_motion_does_not_stop_before_its_last_row():
     asked = command(run.t[-1])
     assert abs(asked[1]) > 0.5
     run = replace(run, signals={**run.signals, "dq": command(run.t)[1][:, None]})
-    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))
     assert np.abs(left["dq"][-3:]).max() < 1e-4
     assert np.abs(left["tau"][-3:]).max() < 6.0 * NOISE["tau"]
 
 
 def test_torque_alone_is_followed_in_windows():
     run = pendulum_run("torque", rate=1000.0)
-    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))
     # half a second from a start that is known as well as its sensor lets it
     assert rms(left["q"]) < 30.0 * NOISE["q"]
     assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
     heavy = robot(run, payload=[EffectRow(0, FrozenMap(_body(0.3)))])
-    assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"))["q"]) > 100.0 * NOISE["q"]
+    assert rms(residuals(run, resimulated(heavy, robot(run), run, "mjcf"), robot(run))["q"]) > 100.0 * NOISE["q"]
 
 
 def test_windows_of_a_torque_run_that_begins_in_motion_begin_where_its_motion_is_known():
@@ -122,7 +122,7 @@ def test_windows_of_a_torque_run_that_begins_in_motion_begin_where_its_motion_is
         late = replace(whole, t=whole.t[cut:] - whole.t[cut], signals=signals)
         assert start_of(robot(late), late) is not None
         simulated = resimulated(robot(late), robot(late), late, "mjcf")
-        left = residuals(late, simulated)["q"]
+        left = residuals(late, simulated, robot(late))["q"]
         unknown = int(np.isnan(left).sum())
         assert 0 < unknown < 300
         assert np.isnan(left[:unknown]).all() and np.isnan(simulated["q"][:unknown]).all()
@@ -137,7 +137,7 @@ def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick()
     for away in (2.0e-5, -2.0e-5):
         stamped = replace(on_time, t=np.concatenate([[0.0], on_time.t[1:] + away]))
         np.testing.assert_array_equal(held_torque(stamped, on_time.t), given)
-        left = residuals(stamped, resimulated(robot(stamped), robot(stamped), stamped, "mjcf"))
+        left = residuals(stamped, resimulated(robot(stamped), robot(stamped), stamped, "mjcf"), robot(stamped))
         assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
 
 
@@ -168,7 +168,7 @@ def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
         joint_compliance=[EffectRow(1, FrozenMap({"stiffness": stiffness, "damping": damping}))],
     )
     assert np.abs(states[:, 0] - states[:, 2]).max() > 200.0 * NOISE["q"]
-    left = residuals(run, resimulated(soft, robot(run), run, "mjcf"))
+    left = residuals(run, resimulated(soft, robot(run), run, "mjcf"), robot(run))
     assert rms(left["q_link"]) < 3.0 * NOISE["q"]
 
 
@@ -178,7 +178,7 @@ def test_torque_that_nobody_recorded_moves_nothing_that_is_compared():
     torn = replace(run, t=run.t[kept], signals={name: values[kept] for name, values in run.signals.items()})
     simulated = resimulated(robot(torn), robot(torn), torn, "mjcf")
     assert np.abs(torn.signals["q"] - simulated["q"]).max() > 200.0 * NOISE["q"]
-    left = residuals(torn, simulated)["q"]
+    left = residuals(torn, simulated, robot(torn))["q"]
     assert rms(left) < 30.0 * NOISE["q"]
     hidden = torn.t[np.isnan(left[:, 0])]
     # up to the next window
@@ -188,7 +188,7 @@ def test_torque_that_nobody_recorded_moves_nothing_that_is_compared():
 def test_what_drives_pass_on_is_not_compared_where_friction_turns_or_a_window_begins():
     run = pendulum_run("torque", rate=1000.0)
     run = replace(run, signals={**run.signals, "tau_link": run.signals["tau"]})
-    known = np.isfinite(compared(run)["tau_link"][:, 0])
+    known = np.isfinite(compared(run, robot(run))["tau_link"][:, 0])
     speed = np.gradient(savgol_filter(run.signals["q"][:, 0], 101, 3), run.t)
     turn = run.t[1:][(np.diff(np.sign(speed)) != 0) & (run.t[1:] > 1.0)][0]
     assert not known[np.abs(run.t - turn) < 0.006].any()
@@ -205,7 +205,7 @@ def test_under_torque_alone_arms_are_held_against_their_motors():
     for away, least, most in ((0.0 * gives, 0.9, 1.1), (gives, 5.0, 20.0)):
         arm = run.signals["q"] + away + NOISE["q"] * random.normal(size=run.signals["q"].shape)
         both = replace(run, signals=run.signals | {"q_link": arm}, noise=run.noise | {"q_link": np.array([NOISE["q"]])})
-        left = residuals(both, resimulated(robot(both), robot(both), both, "mjcf"))["q_link"]
+        left = residuals(both, resimulated(robot(both), robot(both), both, "mjcf"), robot(both))["q_link"]
         floor = noise_floor(DATABASE, "rigid", both).sigma["q_link"][0]
         assert floor < 2.0 * NOISE["q"]
         assert least < rms(left) / NOISE["q"] < most
@@ -213,8 +213,8 @@ def test_under_torque_alone_arms_are_held_against_their_motors():
 
 def test_unknown_control_compares_torques_behind_one_filter():
     run = pendulum_run("unknown", rate=1000.0)
-    assert set(compared(run)) == {"tau"}
-    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"))
+    assert set(compared(run, robot(run))) == {"tau"}
+    left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))
     assert set(left) == {"tau"}
     assert rms(left["tau"]) < 3.0 * NOISE["tau"]
     assert np.isnan(left["tau"][[0, -1]]).all()
@@ -224,13 +224,19 @@ def test_a_motor_that_gives_less_than_it_is_asked_for_is_asked_for_more_by_a_con
     run = pendulum_run("unknown", rate=1000.0)
     weak = replace(run, signals=run.signals | {"tau": run.signals["tau"] / 0.8})
     gives = robot(weak, torque_constant=[EffectRow(1, FrozenMap({"gain": 0.8}))])
-    assert rms(residuals(weak, resimulated(gives, robot(weak), weak, "mjcf"))["tau"]) < 3.0 * NOISE["tau"]
-    assert rms(residuals(weak, resimulated(robot(weak), robot(weak), weak, "mjcf"))["tau"]) > 30.0 * NOISE["tau"]
+    assert rms(residuals(weak, resimulated(gives, robot(weak), weak, "mjcf"), robot(weak))["tau"]) < 3.0 * NOISE["tau"]
+    assert (
+        rms(residuals(weak, resimulated(robot(weak), robot(weak), weak, "mjcf"), robot(weak))["tau"])
+        > 30.0 * NOISE["tau"]
+    )
     # what a sensor adds is no torque that a motor was asked for
     biased = replace(weak, signals=weak.signals | {"tau": weak.signals["tau"] + 0.5})
     row = EffectRow(1, FrozenMap({"torque": 0.5}))
     both = robot(biased, torque_constant=[EffectRow(1, FrozenMap({"gain": 0.8}))], torque_offset=[row])
-    assert rms(residuals(biased, resimulated(both, robot(biased), biased, "mjcf"))["tau"]) < 3.0 * NOISE["tau"]
+    assert (
+        rms(residuals(biased, resimulated(both, robot(biased), biased, "mjcf"), robot(biased))["tau"])
+        < 3.0 * NOISE["tau"]
+    )
 
 
 @pytest.mark.parametrize("mode", ["motion", "unknown"])
@@ -263,7 +269,9 @@ def test_a_run_that_begins_moving_begins_so():
     start = start_of(robot(late), late)
     assert start is not None
     assert start.dtheta[0] == pytest.approx(np.polyfit(late.t[:15], late.signals["q"][:15, 0], 3)[2], abs=0.02)
-    assert rms(residuals(late, resimulated(robot(late), robot(late), late, "mjcf"))["q"]) < 10.0 * NOISE["q"]
+    assert (
+        rms(residuals(late, resimulated(robot(late), robot(late), late, "mjcf"), robot(late))["q"]) < 10.0 * NOISE["q"]
+    )
 
 
 def _body(mass):
@@ -299,7 +307,7 @@ def test_nothing_is_compared_behind_a_gap_before_the_controller_has_caught_up():
     kept = (run.t < 1.0) | (run.t >= 1.25)
     run = replace(run, t=run.t[kept], signals={name: values[kept] for name, values in run.signals.items()})
     simulated = resimulated(robot(run), robot(run), run, "mjcf")
-    left = residuals(run, simulated)
+    left = residuals(run, simulated, robot(run))
     off = np.abs(run.signals["q"] - simulated["q"])[:, 0] / NOISE["q"]
     hidden = np.isnan(left["q"][:, 0])
     assert off.max() > 20.0
@@ -313,7 +321,7 @@ def test_nothing_is_compared_behind_a_gap_before_the_controller_has_caught_up():
     few = np.ones(len(run.t), dtype=bool)
     few[50:54] = False
     bridged = replace(run, t=run.t[few], signals={name: values[few] for name, values in run.signals.items()})
-    assert np.isfinite(compared(bridged)["q"][:200]).all()
+    assert np.isfinite(compared(bridged, robot(bridged))["q"][:200]).all()
 
 
 @pytest.mark.parametrize("backend", ["urdf", "mjcf"])

@@ -24,7 +24,7 @@ def rub(t, q, dq):
 def test_dry_friction_follows_the_direction():
     run = pendulum_run("pd", rub)
     robot = robot_of(DATABASE, "rigid", run)
-    left = residuals(run, resimulated(robot, robot, run, "mjcf"))
+    left = residuals(run, resimulated(robot, robot, run, "mjcf"), robot)
     found = where([left], [noise_floor(DATABASE, "rigid", run)], [run], robot)
     assert found.joints["joint_1"].share == pytest.approx(1.0)
     assert found.depends_on[0].variable in {"sign(dq_1)", "dq_1"}
