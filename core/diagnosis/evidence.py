@@ -21,7 +21,7 @@ from ..parallel import side_by_side
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .beyond import Beyond
-from .inverse import Said, said
+from .inverse import REST, STANDS, Said, said
 from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
 from .sensed import next_alike, noise_in, response_of
 
@@ -34,10 +34,6 @@ FEW = 200
 NEIGHBOURS = 0.04
 # a joint stands below this part of its own highest speed
 CREEP = 0.01
-# one that stands for this part of a run stands most of the time
-STANDS = 0.7
-# a joint that stands for so long rests [s]
-REST = 0.05
 SEED = 20131115
 # logarithm of the ratio up to which two estimates of noise are the same
 ALIKE = 0.2

@@ -722,13 +722,17 @@ class Judge:
         if not found:
             return answer, overlays, None
         judged_runs = [run for fold in folds for run in fold.runs]
-        nominals = [robot_of(self.database, self.level, run) for run in judged_runs]
-        told = list(zip(judged_runs, overlays, nominals, strict=True))
-        gaps = [residuals(run, overlay.before, nominal) for run, overlay, nominal in told]
-        left = [residuals(run, overlay.after, nominal) for run, overlay, nominal in told]
+        robots = [robot_of(self.database, self.level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
+        told = list(zip(judged_runs, overlays, robots, strict=True))
+        gaps = [residuals(run, overlay.before, robot) for run, overlay, robot in told]
+        left = [residuals(run, overlay.after, robot) for run, overlay, robot in told]
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        return answer, overlays, gap_of(left, noises, judged_runs, nominals[0], fitted)
+        return (
+            answer,
+            overlays,
+            gap_of(left, noises, judged_runs, robot_of(self.database, self.level, judged_runs[0]), fitted),
+        )
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

@@ -77,7 +77,7 @@ def how_far(
     say = tell or _say_nothing
     runs = [run for fold in folds for run in fold.runs]
     noises = [noise_floor(database, level, run) for run in runs]
-    nominals = [robot_of(database, level, run) for run in runs]
+    robots = [robot_of(database, level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
     names = [name_of(found) for found in folds[0].found] if folds else []
 
     def simulated(chosen: Sequence[int], engine: str) -> list[Simulated]:
@@ -126,11 +126,11 @@ def how_far(
 
     def told(by: Sequence[Noise]) -> HowFar:
         """The figures by these noises."""
-        shrunk = [_Shrunk(runs, nominals, noises, by, steps[0], step) for step in steps]
+        shrunk = [_Shrunk(runs, robots, noises, by, steps[0], step) for step in steps]
         total = shrunk[-1]
         gaps = [float(one.after.gap()) for one in shrunk]
         without = {
-            name: None if one is None else _Shrunk(runs, nominals, noises, by, steps[0], one).by()
+            name: None if one is None else _Shrunk(runs, robots, noises, by, steps[0], one).by()
             for name, one in alone.items()
         }
         shares = (
@@ -145,7 +145,7 @@ def how_far(
             ci95=total.interval(),
             signals={name: total.by(name) for name in total.before.signals},
             by_effect=tuple(shares) if total.by() is not None else (),
-            backends={name: _Shrunk(runs, nominals, noises, by, *both).by() for name, both in engines.items()},
+            backends={name: _Shrunk(runs, robots, noises, by, *both).by() for name, both in engines.items()},
             refused=refused,
             without=without,
             floor={name: total.known.noise(name) for name in total.known.signals},
@@ -154,7 +154,7 @@ def how_far(
     answer = told(noises)
     if names:
         unsure = [fold.unsure for fold in folds for _ in fold.runs]
-        heard = map(_heard, runs, nominals, noises, steps[-1], unsure)
+        heard = map(_heard, runs, robots, noises, steps[-1], unsure)
         answer = replace(answer, as_heard=told(list(heard)))
     overlays = tuple(
         Overlay(
@@ -162,25 +162,25 @@ def how_far(
             run.t,
             {name: run.signals[name] for name in COMMANDS if run.has(name)}
             | {name: run.signals[name] for name in MEASURED if run.has(name)}
-            | compared(run, nominal),
+            | compared(run, robot),
             before,
             after,
             noise.sigma,
             True,
         )
-        for run, nominal, noise, before, after in zip(runs, nominals, noises, steps[0], steps[-1], strict=True)
+        for run, robot, noise, before, after in zip(runs, robots, noises, steps[0], steps[-1], strict=True)
     )
     return answer, overlays
 
 
-def _heard(run: Run, nominal: Robot, noise: Noise, after: Simulated, unsure: Mapping[str, Vector]) -> Noise:
+def _heard(run: Run, robot: Robot, noise: Noise, after: Simulated, unsure: Mapping[str, Vector]) -> Noise:
     """The noise as a run has it: all that is left of a channel, where a perfect model may well leave as much.
 
     A few seconds of coloured noise are a third louder or quieter than they are on average, and so are the tolerances of
     one robot, which would count as a gap, or hide one. What the numbers found may be off by is none of it.
     """
     sigma = dict(noise.sigma)
-    for name, values in residuals(run, after, nominal).items():
+    for name, values in residuals(run, after, robot).items():
         there = np.isfinite(values).any(axis=0)
         square = np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
         known = sigma[name] ** 2
@@ -197,7 +197,7 @@ class _Shrunk:
     def __init__(
         self,
         runs: Sequence[Run],
-        nominals: Sequence[Robot],
+        robots: Sequence[Robot],
         noises: Sequence[Noise],
         heard: Sequence[Noise],
         before: Sequence[Simulated],
@@ -205,7 +205,7 @@ class _Shrunk:
     ) -> None:
         """Of noises as they are known, by which there is a gap or none, and as they were heard."""
         left = [
-            [residuals(run, one, nominal) for run, nominal, one in zip(runs, nominals, simulated, strict=True)]
+            [residuals(run, one, robot) for run, robot, one in zip(runs, robots, simulated, strict=True)]
             for simulated in (before, after)
         ]
         blocks = [Blocks.of(one, heard, runs) for one in left]

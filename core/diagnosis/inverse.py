@@ -27,8 +27,12 @@ Vector = NDArray[np.float64]
 
 # a gear's contact whose resonance lies so far above what is compared is rigid there
 STIFF = 3.0
+# full at so many times the speed by which it is smoothed: tanh(5) = 0.9999
+FULL = 5.0
 # of its largest torque, a motor with less bears little
 LIGHT = 0.1
+# a joint that stands for this part of a run stands most of the time, and does not where it moves for so long [s]
+STANDS, REST = 0.7, 0.05
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
@@ -229,8 +233,7 @@ def _rubbing(robot: Robot) -> DriveSheet:
 def _drives(sheet: DriveSheet, creep: Sequence[float]) -> Drives:
     """Drives that rub in full from the creeping speeds on."""
     drives = Drives(sheet)
-    # full at that speed, tanh(5) = 0.9999
-    drives.table.smooth_velocity[:] = np.array(creep) / 5.0
+    drives.table.smooth_velocity[:] = np.array(creep) / FULL
     return drives
 
 
@@ -272,11 +275,28 @@ def _along(
     drives: Drives, run: Prepared, motion: tuple[Vector, Vector, Vector, Vector], load: Vector
 ) -> tuple[Vector, Vector]:
     """Friction and torque on the arms along a motion q, dq, theta, dtheta under a load, shapes (m, k)."""
-    _, _, theta, dtheta = motion
+    q, dq, theta, dtheta = motion
+    if not run.run.locked:
+        dtheta = _at_rest(dtheta, FULL * drives.table.smooth_velocity, max(3, int(REST / run.h)))
     friction, on_arm = np.empty_like(theta), np.empty_like(theta)
     drives.reset(_at(run.t[0], theta[0], dtheta[0]))
-    _compiled("drives_along")(drives.numbers, drives.counts, run.t, *motion, load, friction, on_arm)
+    _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, load, friction, on_arm)
     return friction, on_arm
+
+
+def _at_rest(dtheta: Vector, creep: Vector, rest: int) -> Vector:
+    """Speeds (m, k) that are 0 where joints that stand most of the time do: their noise turns no friction.
+
+    What is stuck may bear anything up to its friction's level, and nobody knows what. None is the best guess, and the
+    same whatever friction is thought to be there.
+    """
+    moves = np.abs(dtheta) >= creep
+    stands = moves.mean(axis=0) <= 1.0 - STANDS
+    if not stands.any():
+        return dtheta
+    ndimage: Any = import_module("scipy.ndimage")
+    moves[:, stands] = ndimage.binary_opening(moves[:, stands], np.ones((rest, 1), dtype=bool))
+    return np.where(stands & ~moves, 0.0, dtheta)
 
 
 def _but(on_arm: Vector, clamped: Sequence[int]) -> Vector:

@@ -356,8 +356,7 @@ def simulated_left(
 ) -> Vector:
     """Measured minus simulated of a run in units of noise, 0 where nothing was measured, shape (m, channels)."""
     robot = robot_of(database, level, run, effects)
-    nominal = robot_of(database, level, run)
-    apart = residuals(run, simulated(robot, nominal, run, backend), nominal)
+    apart = residuals(run, simulated(robot, robot_of(database, level, run), run, backend), robot)
     sigma = noise_floor(database, level, run).sensor
     return np.column_stack([np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)])
 
@@ -417,7 +416,7 @@ def _tolerances(database: Database, level: str, run: Run, effects: Rows) -> Vect
     sigma = noise_floor(database, level, run).sensor
     times = tolerance_times(run)
     columns: list[Vector] = []
-    for name, measured in sorted(compared(run, robot_of(database, level, run)).items()):
+    for name, measured in sorted(compared(run, robot).items()):
         there: NDArray[np.bool_] = np.isfinite(measured)
         if name == "ee_rot":
             there = np.repeat(there.all(axis=1, keepdims=True), 3, axis=1)

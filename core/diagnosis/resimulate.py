@@ -23,8 +23,8 @@ from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
-from .evidence import STANDS, creep_of, sticks
-from .inverse import arms_along, said
+from .evidence import creep_of, sticks
+from .inverse import STANDS, arms_along, said
 from .prepare import Prepared, prepared, widened
 from .sensed import noise_in
 
@@ -150,7 +150,7 @@ def mode_of(run: Run) -> str:
     return "unknown"
 
 
-def compared(run: Run, nominal: Robot) -> dict[str, Vector]:
+def compared(run: Run, robot: Robot) -> dict[str, Vector]:
     """What was measured of each signal that a simulation is held against, shapes as `resimulated`; NaN where nothing.
 
     In mode unknown that is torque alone, behind the filter that the motion was smoothed with, and not where that feels
@@ -161,9 +161,9 @@ def compared(run: Run, nominal: Robot) -> dict[str, Vector]:
 
     Args:
         run: As read.
-        nominal: The robot as it is known: friction that it has sticks where a joint stands.
+        robot: With all that it is thought to have: friction that sticks bears anything where a joint stands.
     """
-    sticking = sticks(nominal)
+    sticking = sticks(robot)
     if mode_of(run) == "motion":
         turns = _loose(smoothed(run), run.t, TURN, sticking)
         return {
@@ -254,13 +254,13 @@ def _nearest(grid: Prepared, flags: NDArray[np.bool_], times: Vector) -> NDArray
     return flags[np.clip(np.searchsorted(grid.t, times), 0, len(grid.t) - 1)]
 
 
-def residuals(run: Run, simulated: Mapping[str, Vector], nominal: Robot) -> dict[str, Vector]:
+def residuals(run: Run, simulated: Mapping[str, Vector], robot: Robot) -> dict[str, Vector]:
     """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad].
 
     Mode torque: arms are held against their motors, for both drift away together.
     """
     left: dict[str, Vector] = {}
-    for name, measured in compared(run, nominal).items():
+    for name, measured in compared(run, robot).items():
         if name == "ee_rot":
             left[name] = _turn(measured, simulated[name])
         elif name in simulated:

@@ -56,13 +56,13 @@ class _Told:
     after: float
 
 
-def shift_of(run: Run, nominal: Robot, simulated: Mapping[str, Vector], noise: Noise) -> float:
+def shift_of(run: Run, robot: Robot, simulated: Mapping[str, Vector], noise: Noise) -> float:
     """By how much measured signals come later than simulated ones, if all channels say the same [s]; else 0.
 
     A delay of the drives is another thing: there the torque is late against the controller, while position, torque
     and tool were recorded at one instant, so that their shifts differ.
     """
-    told = _told(run, nominal, simulated, noise)
+    told = _told(run, robot, simulated, noise)
     if len(told) == 1 and not run.has("tau"):
         return _alone(told[0], run.rate)
     if len(told) < 2 or (run.has("tau") and not any(one.signal == "tau" for one in told)):
@@ -70,13 +70,13 @@ def shift_of(run: Run, nominal: Robot, simulated: Mapping[str, Vector], noise: N
     return _common(told, run.rate)
 
 
-def torque_shift_of(run: Run, nominal: Robot, simulated: Mapping[str, Vector], noise: Noise) -> float:
+def torque_shift_of(run: Run, robot: Robot, simulated: Mapping[str, Vector], noise: Noise) -> float:
     """By how much motor torques come later than simulated, if they all say the same and no position does [s]; else 0.
 
     A motion follows its torque. A torque that is recorded after the motion that it makes is no physics; one that is
     recorded before it may be that of a slow motor, and is none of stamps.
     """
-    told = _told(run, nominal, simulated, noise)
+    told = _told(run, robot, simulated, noise)
     common = _common([one for one in told if one.signal == "tau"], run.rate)
     still = all(abs(one.shift) < 0.5 * common for one in told if one.signal not in TORQUES)
     # what is not counted may be a filter's
@@ -122,12 +122,12 @@ def _long(run: Run, shift: float) -> str:
     return f"{1e3 * abs(shift):.3f} ms ({abs(shift) * run.rate:.2f} samples) {'after' if shift > 0.0 else 'before'}"
 
 
-def _told(run: Run, nominal: Robot, simulated: Mapping[str, Vector], noise: Noise) -> list[_Told]:
+def _told(run: Run, robot: Robot, simulated: Mapping[str, Vector], noise: Noise) -> list[_Told]:
     """What every channel says that could tell a tenth of a sample."""
     if mode_of(run) in ("torque", "unknown"):
         # their simulation begins from what was measured
         return []
-    left, sigma = residuals(run, simulated, nominal), noise.sigma
+    left, sigma = residuals(run, simulated, robot), noise.sigma
     told: list[_Told] = []
     for name in (name for name in TOLD if name in left):
         rates: Vector = np.asarray(np.gradient(simulated[name], run.t, axis=0))

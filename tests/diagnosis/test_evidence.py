@@ -9,6 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
+from mbexport.core.diagnosis.evidence import creep_of
+from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -132,3 +134,24 @@ def test_what_a_controller_asked_for_is_told_in_other_units_with_its_torque():
     there = np.column_stack([heard.residual({}), heard.residual(offset)])
     assert not np.allclose(there[:, 1], columns[:, 1], rtol=0.1)
     np.testing.assert_allclose(heard.evidence.told_by(asked.evidence, columns), there, rtol=1e-9, atol=1e-9)
+
+
+def test_a_joint_that_stands_most_of_the_time_rubs_only_where_it_moves():
+    """Its sensor's noise turns no friction: what is stuck bears anything, and a friction would seem to be refuted."""
+    level, duration = 2.0, 5.0
+    t = np.arange(int(1000 * duration) + 1) / 1000.0
+    u = np.clip((t - 2.0) / 0.8, 0.0, 1.0)
+    q = 0.4 + 0.7 * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    random = np.random.default_rng(7)
+    run = pendulum_run("unknown", rate=1000.0, duration=duration)
+    signals = {"q": q[:, None] + 2.0e-5 * random.normal(size=(len(t), 1)), "tau": np.zeros((len(t), 1))}
+    ready = prepare.prepared(replace(run, signals=signals))
+    creep = creep_of(ready)
+    bare = robot_of(DATABASE, "rigid", run)
+    rubbing = robot_of(DATABASE, "rigid", run, {"coulomb_friction": (EffectRow(1, {"torque": level}),)})
+    friction = (said(rubbing, ready, bare, creep).tau - said(bare, ready, bare, creep).tau)[:, 0]
+    moves = (ready.t > 2.15) & (ready.t < 2.65)
+    rests = (ready.t < 1.9) | (ready.t > 2.9)
+    assert np.mean(np.abs(ready.dq) < creep) > 0.7
+    np.testing.assert_allclose(friction[moves], level, rtol=1e-3)
+    np.testing.assert_array_equal(friction[rests], 0.0)
