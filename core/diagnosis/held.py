@@ -605,7 +605,13 @@ class Judge:
             if not self.by_bands:
                 # along a motion a delay is hardly told from stamps; what it does to a loop, simulation knows
                 needed |= {item.key for item in kept if item.effect == "delay"}
-            theirs = [k for k, item in enumerate(kept) if item.key not in needed and unseen.own[k] < MOST_LEFT]
+            # the first cause of a gap is no other form of the law of a second one
+            first = int(np.argmax(unseen.gains))
+            theirs = [
+                k
+                for k, item in enumerate(kept)
+                if k != first and item.key not in needed and unseen.own[k] < MOST_LEFT
+            ]
             if theirs:
                 item = kept.pop(min(theirs, key=lambda k: unseen.own[k]))
                 dropped.append(Rejected(item.effect, item.place, OTHER_LAW))
@@ -618,8 +624,8 @@ class Judge:
                     math.inf if item.effect == "delay" or item.key in needed else share
                     for item, share in zip(kept, unseen.shares, strict=True)
                 ]
-                # the first cause of a gap is no second one, however small its part of every channel is
-                shares[int(np.argmax(unseen.gains))] = math.inf
+                # nor is it a second one, however small its part of every channel is
+                shares[first] = math.inf
                 worst = int(np.argmin(shares))
                 if shares[worst] >= OTHER_FORM:
                     held_there = (trusted.get(item.key, gain) for item, gain in zip(kept, unseen.gains, strict=True))
