@@ -110,8 +110,11 @@ def resimulated_once(
             return {name: _between(grid.t, getattr(speech, name), run.t) for name in names}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
         return _asked_for(robot, _simulated(robot, nominal, run, backend, law, control, None, step))
-    start = start_of(robot, begun or run) if mode == "pd" else None
-    return _simulated(robot, nominal, run, backend, run.motion(), run.control, start, step)
+    if mode == "motion":
+        return _simulated(robot, nominal, run, backend, run.motion(), run.control, None, step)
+    # the tick of a last row that is stamped a little early is behind the table's end, where a command would stop
+    law = run.motion().going_on(2.0 / min(run.control.rate, run.rate))
+    return _simulated(robot, nominal, run, backend, law, run.control, start_of(robot, begun or run), step)
 
 
 @lru_cache(maxsize=32)

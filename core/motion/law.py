@@ -78,6 +78,15 @@ class MotionLaw:
         coefficients[-1] += np.asarray(offsets, dtype=np.float64)
         return MotionLaw(self.knots, coefficients)
 
+    def going_on(self, time: float) -> MotionLaw:
+        """The same motion, which goes on with the acceleration that it ends with for a time [s] before it stops."""
+        piece = np.zeros((max(3, len(self.coefficients)), 1, self.n))
+        q, dq, ddq = self.at(self.duration)
+        piece[-3], piece[-2], piece[-1] = 0.5 * ddq, dq, q
+        before = np.zeros((len(piece) - len(self.coefficients), *self.coefficients.shape[1:]))
+        coefficients = np.concatenate([np.concatenate([before, self.coefficients]), piece], axis=1)
+        return MotionLaw(np.append(self.knots, self.duration + time), coefficients)
+
     def spread(self, joints: Sequence[int], n: int) -> MotionLaw:
         """The same motion as that of some joints (from 0) of n; the others stand at 0."""
         if self.n == n:

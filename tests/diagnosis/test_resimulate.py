@@ -104,6 +104,15 @@ def test_a_given_motion_does_not_stop_before_its_last_row():
     assert np.abs(left["tau"][-3:]).max() < 6.0 * NOISE["tau"]
 
 
+def test_a_command_does_not_stop_before_the_last_tick_of_a_run_that_ends_in_motion():
+    """Its last row is stamped a hundredth of a tick early, so that its tick is behind the table's end."""
+    run = pendulum_run("pd", duration=3.8)
+    assert abs(float(command(3.8)[1])) > 0.5
+    early = replace(run, t=np.append(run.t[:-1], run.t[-1] - 1.0e-5))
+    left = residuals(early, resimulated(robot(early), robot(early), early, "mjcf"), robot(early))
+    assert np.abs(left["tau"][-3:]).max() < 6.0 * NOISE["tau"]
+
+
 def test_torque_alone_is_followed_in_windows():
     run = pendulum_run("torque", rate=1000.0)
     left = residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))

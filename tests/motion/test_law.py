@@ -93,6 +93,21 @@ def test_rests_outside() -> None:
         assert not ddq.any()
 
 
+def test_goes_on_with_its_last_acceleration() -> None:
+    t = np.linspace(0.0, 1.0, 6)
+    law = from_table(t, np.sin(3.0 * t)[:, None], 3.0 * np.cos(3.0 * t)[:, None])
+    longer = law.going_on(0.1)
+    q, dq, ddq = law.at(1.0)
+    for late in (0.02, 0.08):
+        there = longer.at(1.0 + late)
+        np.testing.assert_allclose(there[0], q + dq * late + 0.5 * ddq * late**2, atol=1e-14)
+        np.testing.assert_allclose(there[1], dq + ddq * late, atol=1e-14)
+        np.testing.assert_allclose(there[2], ddq, atol=1e-12)
+    np.testing.assert_allclose(longer.at(t), law.at(t), atol=1e-12)
+    assert (longer.at(1.2)[1] == 0.0).all() and (law.at(1.02)[1] == 0.0).all()
+    np.testing.assert_array_equal(hold([0.3], 1.0).going_on(0.1).at(1.05)[0], [0.3])
+
+
 def test_scalar_and_many_times() -> None:
     law = LAWS["akima"]
     q, dq, ddq = law.at(np.full((2, 4), 1.0))
