@@ -86,12 +86,13 @@ UNHELD = (
     "so that nothing confirms it. Hold out a run that does."
 )
 SEEN_APART = (
-    "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move. So "
-    "the held-out runs were cut in time and fitted too, each part judged by fits that had not seen it. Hold out a run "
-    "that moves like one that is fitted to have the answer confirmed."
+    "{why} So the held-out runs were cut in time and fitted too, each part judged by fits that had not seen it. Hold "
+    "out a run that moves like one that is fitted to have the answer confirmed."
 )
+ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
+ELSEWHERE = "Nothing that the other runs show holds in the held-out ones."
 # part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
-UNDERSTOOD = 0.1
+UNDERSTOOD = 0.35
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
@@ -189,15 +190,17 @@ class _Diagnosing:
     tell: Tell
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
-        """The answer; of the held-out runs in parts where these alone show the gap."""
+        """The answer; of the held-out runs in parts where these alone show the gap, or what the others show fails."""
         answer = self._of(runs, holdout)
-        if not {UNSEEN, LEFT_UNSEEN} & set(answer.notes):
+        alone = bool({UNSEEN, LEFT_UNSEEN} & set(answer.notes))
+        if not holdout or not (alone or answer.verdict == "unexplained"):
             return answer
         apart = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return answer
         names = tuple(run.name for run in (*runs, *holdout))
-        return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, SEEN_APART))
+        said = SEEN_APART.format(why=ALONE if alone else ELSEWHERE)
+        return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
     def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer of runs as they are given."""

@@ -608,9 +608,7 @@ class Judge:
             # the first cause of a gap is no other form of the law of a second one
             first = int(np.argmax(unseen.gains))
             theirs = [
-                k
-                for k, item in enumerate(kept)
-                if k != first and item.key not in needed and unseen.own[k] < MOST_LEFT
+                k for k, item in enumerate(kept) if k != first and item.key not in needed and unseen.own[k] < MOST_LEFT
             ]
             if theirs:
                 item = kept.pop(min(theirs, key=lambda k: unseen.own[k]))
