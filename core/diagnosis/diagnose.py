@@ -90,7 +90,7 @@ SEEN_APART = (
     "out a run that moves like one that is fitted to have the answer confirmed."
 )
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
-ELSEWHERE = "Nothing that the other runs show holds in the held-out ones."
+ELSEWHERE = "The held-out runs confirm nothing that the others show."
 # part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
 UNDERSTOOD = 0.35
 CONTRADICTED = (

@@ -100,7 +100,7 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     def half(self, seen, holdout):
         answer = whole(self, seen, holdout)
         verdict = "partly_explained" if answer.which and not another_form else answer.verdict
-        return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.2))
+        return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4))
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", half)
     answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
