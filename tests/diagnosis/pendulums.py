@@ -130,6 +130,19 @@ def pendulum_run(
     return Run("swing", t, signals, control, stated, (), {}, "", (), rate)
 
 
+def standing_run() -> Run:
+    """A pendulum in mode unknown that stands but for 0.8 s from 2 s on, and bears nothing but its weight."""
+    t = np.arange(5001) / 1000.0
+    u = np.clip((t - 2.0) / 0.8, 0.0, 1.0)
+    q = 0.4 + 0.7 * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    ddq = 0.7 * (60 * u - 180 * u**2 + 120 * u**3) / 0.8**2
+    random = np.random.default_rng(7)
+    tau = INERTIA * ddq + WEIGHT * np.sin(q) + NOISE["tau"] * random.normal(size=len(t))
+    signals = {"q": (q + NOISE["q"] * random.normal(size=len(t)))[:, None], "tau": tau[:, None]}
+    noise = {name: np.array([NOISE[name]]) for name in signals}
+    return Run("standing", t, signals, Control("unknown"), noise, (), {}, "", (), 1000.0)
+
+
 def noisy_loop(
     sigma: dict[str, float],
     *,

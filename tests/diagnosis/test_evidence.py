@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run
+from pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run, standing_run
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
@@ -138,14 +138,8 @@ def test_what_a_controller_asked_for_is_told_in_other_units_with_its_torque():
 
 def test_a_joint_that_stands_most_of_the_time_rubs_only_where_it_moves():
     """Its sensor's noise turns no friction: what is stuck bears anything, and a friction would seem to be refuted."""
-    level, duration = 2.0, 5.0
-    t = np.arange(int(1000 * duration) + 1) / 1000.0
-    u = np.clip((t - 2.0) / 0.8, 0.0, 1.0)
-    q = 0.4 + 0.7 * (10 * u**3 - 15 * u**4 + 6 * u**5)
-    random = np.random.default_rng(7)
-    run = pendulum_run("unknown", rate=1000.0, duration=duration)
-    signals = {"q": q[:, None] + 2.0e-5 * random.normal(size=(len(t), 1)), "tau": np.zeros((len(t), 1))}
-    ready = prepare.prepared(replace(run, signals=signals))
+    level, run = 2.0, standing_run()
+    ready = prepare.prepared(run)
     creep = creep_of(ready)
     bare = robot_of(DATABASE, "rigid", run)
     rubbing = robot_of(DATABASE, "rigid", run, {"coulomb_friction": (EffectRow(1, {"torque": level}),)})

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, command, pendulum_run
+from pendulums import CENTER, INERTIA, KD, KP, MASS, NOISE, WEIGHT, command, pendulum_run, standing_run
 from scipy.integrate import solve_ivp
 from scipy.signal import savgol_filter
 
@@ -218,6 +218,16 @@ def test_under_torque_alone_arms_are_held_against_their_motors():
         floor = noise_floor(DATABASE, "rigid", both).sigma["q_link"][0]
         assert floor < 2.0 * NOISE["q"]
         assert least < rms(left) / NOISE["q"] < most
+
+
+def test_what_a_standing_joint_bears_is_compared_unless_its_friction_may_bear_any_of_it():
+    run = standing_run()
+    rubbing = robot(run, coulomb_friction=[EffectRow(1, FrozenMap({"torque": 2.0}))])
+    rests, moves = (run.t > 0.5) & (run.t < 1.9), (run.t > 2.2) & (run.t < 2.6)
+    bare, rubbed = compared(run, robot(run))["tau"], compared(run, rubbing)["tau"]
+    assert np.isfinite(bare[rests]).all() and np.isfinite(bare[moves]).all()
+    assert np.isnan(rubbed[rests]).all() and np.isfinite(rubbed[moves]).all()
+    assert rms(residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))["tau"]) < 3.0 * NOISE["tau"]
 
 
 def test_unknown_control_compares_torques_behind_one_filter():
