@@ -90,7 +90,7 @@ SEEN_APART = (
     "out a run that moves like one that is fitted to have the answer confirmed."
 )
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
-ELSEWHERE = "The held-out runs confirm nothing that the others show."
+UNCONFIRMED = "The held-out runs confirm nothing that the others show."
 # part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
 UNDERSTOOD = 0.35
 CONTRADICTED = (
@@ -199,7 +199,7 @@ class _Diagnosing:
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return answer
         names = tuple(run.name for run in (*runs, *holdout))
-        said = SEEN_APART.format(why=ALONE if alone else ELSEWHERE)
+        said = SEEN_APART.format(why=ALONE if alone else UNCONFIRMED)
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
     def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:

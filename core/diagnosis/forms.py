@@ -27,8 +27,9 @@ from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 
-# the part of a law that may go with direction, with its own size, and twice as often; and what its amount makes up for
-ASIDE, BENT, TWICE, AMOUNT = 0.25, 0.4, 0.5, 0.5
+# the part of a law that may go with direction, with its own size, and twice as often; how large one that comes half as
+# often may be, of which a motion shows a quarter as inertia takes it; and what its amount makes up for
+ASIDE, BENT, TWICE, HALF, AMOUNT = 0.25, 0.4, 0.5, 4.0, 0.5
 # by what part of a wave over a joint's whole way its cycles may be off
 CYCLES_OFF = 0.125
 # friction, that may be another one there than back
@@ -46,7 +47,7 @@ KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
 ASIDE_SAID = "is not the same both ways"
 DRIVEN_SAID = "is another one where it drives than where it is driven"
 BENT_SAID = "goes with another power of what it goes with"
-TWICE_SAID = "comes twice as often as well"
+TWICE_SAID, HALF_SAID = "comes twice as often as well", "comes half as often as well"
 STIFFENS_SAID = "stiffens as it is wound up"
 SOFTLY_SAID = "is felt before it is reached"
 
@@ -240,9 +241,9 @@ def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
 
 
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
-    """A wave's second harmonic, another amplitude and phase of its own, each by its two quadratures, and its cycles.
+    """A wave's second harmonic, or what it is that of, another amplitude and phase of its own, and its cycles.
 
-    A second harmonic that no law has pulls at the cycles that were found.
+    Each by its two quadratures. A second harmonic that no law has pulls at the cycles that were found.
     """
     item = found[k]
     values = item.row.values
@@ -258,6 +259,7 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     off = CYCLES_OFF * 2.0 * np.pi / max(float(problem.way()[item.at - 1]), 1e-6)
     return [
         *(Form(TWICE_SAID, wave(TWICE, 2.0 * c, quadrature)) for quadrature in quadratures),
+        *(Form(HALF_SAID, wave(HALF, 0.5 * c, quadrature)) for quadrature in quadratures),
         *(Form("", wave(AMOUNT, c, quadrature)) for quadrature in quadratures),
         Form("", wave(1.0, c + off, phase) - wave(1.0, c, phase)),
     ]

@@ -20,7 +20,7 @@ from .beyond import KNEE, LIMIT
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
-from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
+from .forms import HALF_SAID, SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, how_far, name_of
 from .hypotheses import GIVING
@@ -501,7 +501,7 @@ class Judge:
         if much and not any(is_wave(item) for item in held.found):
             return beyond
         form = bent(self.whole, self.whiten, held.found, self.ways, held.unseen.rows)
-        if form is None or (much and form.said != TWICE_SAID):
+        if form is None or (much and form.said not in (TWICE_SAID, HALF_SAID)):
             return beyond
         return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else beyond
 

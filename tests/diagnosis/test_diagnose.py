@@ -108,6 +108,20 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     assert (answer.verdict, found) == (("explained", ["viscous_friction"]) if another_form else ("unexplained", []))
 
 
+def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
+    whole = diagnose._Diagnosing._of
+
+    def fails(self, seen, holdout):
+        answer = whole(self, seen, holdout)
+        return replace(answer, verdict="unexplained", which=(), notes=()) if holdout else answer
+
+    monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
+    rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
+    answer = mbexport.diagnose("pendulum", rubbing[:1], rubbing[1:], level="rigid", backends=[])
+    assert (answer.verdict, [item.effect for item in answer.which]) == ("explained", ["viscous_friction"])
+    assert answer.notes[-1].startswith("The held-out runs confirm nothing that the others show. So the held-out runs")
+
+
 def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_nothing_of_it():
     def asked(first, second):
         given = [*runs(first, seeds=(1,)), *runs(second, seeds=(2,))]
