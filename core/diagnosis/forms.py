@@ -27,8 +27,8 @@ from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 
-# the part of a law that may go with direction, with its own size, and twice as often; how large one that comes half as
-# often may be, of which a motion shows a quarter as inertia takes it; and what its amount makes up for
+# the part of a law that may go with direction, with its own size, and twice as often; how large a gear's error may be
+# that comes half as often; and what its amount makes up for
 ASIDE, BENT, TWICE, HALF, AMOUNT = 0.25, 0.4, 0.5, 4.0, 0.5
 # by what part of a wave over a joint's whole way its cycles may be off
 CYCLES_OFF = 0.125
@@ -43,6 +43,8 @@ _POWERS: dict[str, tuple[float, ...]] = {
 }
 # over which parts of a limit it may come softly, and by which part of it that is known as much
 KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
+# a gear's, which inertia takes by the square of how often it comes
+ERROR = "transmission_error"
 # what is said of a law that is so
 ASIDE_SAID = "is not the same both ways"
 DRIVEN_SAID = "is another one where it drives than where it is driven"
@@ -243,7 +245,8 @@ def _limits(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
 def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     """A wave's second harmonic, or what it is that of, another amplitude and phase of its own, and its cycles.
 
-    Each by its two quadratures. A second harmonic that no law has pulls at the cycles that were found.
+    Each by its two quadratures. A second harmonic that no law has pulls at the cycles found. Of a gear's error
+    inertia makes the harmonic four times as large, so that it may be the part that was found.
     """
     item = found[k]
     values = item.row.values
@@ -259,7 +262,7 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     off = CYCLES_OFF * 2.0 * np.pi / max(float(problem.way()[item.at - 1]), 1e-6)
     return [
         *(Form(TWICE_SAID, wave(TWICE, 2.0 * c, quadrature)) for quadrature in quadratures),
-        *(Form(HALF_SAID, wave(HALF, 0.5 * c, quadrature)) for quadrature in quadratures),
+        *(Form(HALF_SAID, wave(HALF, 0.5 * c, quadrature)) for quadrature in quadratures if item.effect == ERROR),
         *(Form("", wave(AMOUNT, c, quadrature)) for quadrature in quadratures),
         Form("", wave(1.0, c + off, phase) - wave(1.0, c, phase)),
     ]

@@ -10,7 +10,7 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
-from mbexport.core.diagnosis.forms import SOFTLY_SAID, TWICE_SAID, _every_form
+from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -19,7 +19,7 @@ from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
 
-from .pendulums import KD, KP, command, pendulum_run
+from .pendulums import INERTIA, KD, KP, command, pendulum_run
 
 WAVE = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 0.1}), 50.0)
 LIMITED = Found("torque_limit", 1, EffectRow(1, {"torque": 5.6}), 50.0)
@@ -55,6 +55,29 @@ def test_a_wave_that_comes_twice_as_often_as_well_is_one_cause(times, its_own):
     form = other_form(ripple(times), WAVE)
     assert form.said == TWICE_SAID
     assert (form.leaves < 0.05) if its_own else (form.leaves > 0.75)
+
+
+def gear(first, second):
+    """Torque of inertia behind a gear with errors of 20 and of 40 a turn, of these amplitudes [rad]."""
+
+    def against(t, q, dq):
+        # e'' = e''(q) q'^2 + e'(q) q''; along a given motion
+        ddq = float(command(t)[2])
+        total = 0.0
+        for amplitude, cycles, phase in ((first, 20.0, 0.3), (second, 40.0, 1.1)):
+            angle = cycles * q + phase
+            total += amplitude * cycles * (math.cos(angle) * ddq - cycles * math.sin(angle) * dq**2)
+        return INERTIA * total
+
+    return against
+
+
+@pytest.mark.parametrize(("first", "known"), [(2.0e-4, True), (2.0e-3, False)])
+def test_a_gears_error_may_be_the_harmonic_of_one_that_comes_half_as_often(first, known):
+    """Up to four times as large as it."""
+    row = EffectRow(1, {"amplitude": 1.5e-4, "cycles": 40.0, "phase": 1.1})
+    form = other_form(gear(first, 1.5e-4), Found("transmission_error", 1, row, 100.0))
+    assert (form.said, form.leaves < 0.1) == (HALF_SAID, known)
 
 
 def test_a_waves_cycles_may_be_a_little_off_where_it_comes_twice_as_often_as_well():
