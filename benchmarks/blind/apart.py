@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 from bodies import (
+    PRISMATIC,
     REVOLUTE,
     Extras,
     Robot,
@@ -644,17 +645,20 @@ def gear_errors(scene: Scene, i: int):
 
 
 def giving(scene: Scene, i: int):
-    """(effect, at, columns, deflections per unit of their factors at the largest load, whether these are free) of what
-    gives way under its load: play; compliance, bearings and bending arms at rest, and swinging at some frequencies."""
+    """(effect, at, names of its stiffnesses, columns, deflections per unit of their factors at the largest load, and
+    whether these are free) of what gives way under its load: play; compliance, bearings that tilt or shift, and bending
+    arms at rest, and swinging at some frequencies."""
     robot = scene.without.robot
     load = max(float(np.max(np.abs(p.base.tau_link[:, i]))) for p in scene.paths) + 1.0e-9
-    wanted = [("joint_compliance", Extras())]
-    if not robot.prismatic[i] and i < scene.n - 1:
-        wanted.append(("joint_compliance_6d", Extras(bearings={i: [(REVOLUTE, 0), (REVOLUTE, 1)]})))
+    wanted = [("joint_compliance", ("stiffness",), Extras())]
+    if not robot.prismatic[i]:
+        tilts, shifts = ([(kind, axis) for axis in range(count)] for kind, count in ((REVOLUTE, 2), (PRISMATIC, 3)))
+        wanted.append(("joint_compliance_6d", ("krx", "kry"), Extras(bearings={i: tilts})))
+        wanted.append(("joint_compliance_6d", ("kx", "ky", "kz"), Extras(bearings={i: shifts})))
     if np.linalg.norm(robot.arms[i].transform()[:3, 3]) > 0.05:
-        wanted.append(("link_flexibility", Extras(bends={i: 0.5})))
+        wanted.append(("link_flexibility", ("ku", "kv"), Extras(bends={i: 0.5})))
     unit = 1.0e-3
-    for name, extras in wanted:
+    for name, stiffnesses, extras in wanted:
         _, joints, hidden, _ = build_chain(robot, extras)
         own = name == "joint_compliance"
         nodes = [i] if own else [node for node, _, _ in hidden]
@@ -666,7 +670,7 @@ def giving(scene: Scene, i: int):
                 path.gives(answers[0], joints, -0.5 * unit * np.tanh(50.0 * values / top), i)
                 for path, answers, values in zip(scene.paths, shaken, loads, strict=True)
             ]
-            yield "backlash", i + 1, scene.shown(columns), np.array([unit]), True
+            yield "backlash", i + 1, ("gap",), scene.shown(columns), np.array([unit]), True
         for frequency in (None, *SWINGS):
             parts, size = [], np.full(len(nodes), unit)
             if frequency:
@@ -690,12 +694,12 @@ def giving(scene: Scene, i: int):
                         shift = -pull * unit / load
                     columns.append(path.gives(answers[c], joints, shift, i if own else None))
                 parts.append(stacked(columns))
-            yield name, i + 1, scene.shown(parts), size, frequency is None
+            yield name, i + 1, stiffnesses, scene.shown(parts), size, frequency is None
 
 
-def integrated(scene: Scene, effect: str, at: int, begin: np.ndarray) -> float:
-    """What the best spring or play of a place leaves, its law integrated along the motion; `begin`: a first guess of
-    what it gives way by at the largest load [rad]."""
+def integrated(scene: Scene, effect: str, at: int, names: tuple[str, ...], begin: np.ndarray) -> float:
+    """What the best spring or play of a place leaves, its law integrated along the motion; `names`: of its stiffnesses;
+    `begin`: a first guess of what it gives way by at the largest load [rad or m]."""
     i = at - 1
     load = max(float(np.max(np.abs(p.base.tau_link[:, i]))) for p in scene.paths) + 1.0e-9
     wall = math.log(0.02 if not scene.without.robot.prismatic[i] else 0.002)
@@ -712,9 +716,9 @@ def integrated(scene: Scene, effect: str, at: int, begin: np.ndarray) -> float:
         b = k * 10.0 ** x[-1]
         if effect == "joint_compliance":
             return {"stiffness": float(k[0]), "damping": float(b[0])}
-        if effect == "joint_compliance_6d":
-            return dict(zip(("krx", "kry", "brx", "bry"), (*k.tolist(), *b.tolist()), strict=True))
-        return {**dict(zip(("ku", "kv", "bu", "bv"), (*k.tolist(), *b.tolist()), strict=True)), "at": 0.5}
+        dampings = ["b" + name[1:] for name in names]
+        numbers = dict(zip((*names, *dampings), (*k.tolist(), *b.tolist()), strict=True))
+        return numbers if effect == "joint_compliance_6d" else {**numbers, "at": 0.5}
 
     fastest = np.max([np.max(np.abs(path.dq), axis=0) for path in scene.paths], axis=0)
 
@@ -743,21 +747,21 @@ def looked_at(recipe: dict, index: int) -> dict:
             continue
         near[effect, at] = min(left, near.get((effect, at), 1.0))
     own = (scene.effect["effect"], scene.effect["at"])
-    begins: dict[tuple[str, int], tuple[float, np.ndarray]] = {}
+    begins: dict[tuple[str, int, tuple[str, ...]], tuple[float, np.ndarray]] = {}
     for i in range(scene.n):
-        for effect, at, columns, sizes, free in giving(scene, i):
+        for effect, at, names, columns, sizes, free in giving(scene, i):
             left, factors = scene.left(columns)
             if np.max(factors) <= 0.0:
                 continue
-            if left < begins.get((effect, at), (1.0,))[0]:
-                begins[effect, at] = left, sizes * factors if free else sizes
+            if left < begins.get((effect, at, names), (1.0,))[0]:
+                begins[effect, at, names] = left, sizes * factors if free else sizes
             near[effect, at] = min(left, near.get((effect, at), 1.0))
     # where the right spring is not near at rest, others need not be
-    reach = max(NEAR, near.get(own, 1.0) + 0.1) if own[0] in {effect for effect, _ in begins} else NEAR
+    reach = max(NEAR, near.get(own, 1.0) + 0.1) if own[0] in {effect for effect, *_ in begins} else NEAR
     reach = NEAR_SWINGING if own[0] in SWINGING else reach
-    first = sorted((left, key) for key, (left, _) in begins.items() if key != own and left < reach)
+    first = sorted((left, key) for key, (left, _) in begins.items() if key[:2] != own and left < reach)
     for left, key in first[:INTEGRATED]:
-        near[key] = min(left, integrated(scene, *key, begins[key][1]))
+        near[key[:2]] = min(left, near[key[:2]], integrated(scene, *key, begins[key][1]))
     others = {key: left for key, left in near.items() if key != own}
     alike = sorted((left, effect, at) for (effect, at), left in others.items() if left < ALIKE)
     return {
