@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # A stuck joint gives this much before it slips [rad or m]: half of what the database's contract lets it creep.
 STICK_DISPLACEMENT = 5.0e-6
 # at which joints move, to tell what they bear where gravity loads them with nothing [rad/s^2 or m/s^2]
-ACCELERATION = 2.0
+ACCELERATION = 20.0
 # A contact that is given no stiffness (backlash, transmission error of a rigid joint): the effects' contract.
 CONTACT_FREQUENCY = 500.0
 CONTACT_DAMPING_RATIO = 0.15
