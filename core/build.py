@@ -130,7 +130,7 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
         dummy_inertia: Fraction of the arm's diagonal mass-matrix entry at home.
     """
     needs_spring = any(stage.drive.spring for stage in robot.stages)
-    needs_stick = any(_sticks(stage.drive) for stage in robot.stages)
+    needs_stick = any(sticks(stage.drive) for stage in robot.stages)
     if not needs_spring and not needs_stick:
         return robot
     arms = tuple(Stage(stage.joint, stage.arm) for stage in robot.stages)
@@ -163,7 +163,7 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
         rigid = np.array([0.0 if stage.drive.spring else stage.drive.inertia for stage in stages])
         mobility = np.diag(np.linalg.inv(mass_matrix + np.diag(rigid)))
         for i, stage in enumerate(stages):
-            if _sticks(stage.drive):
+            if sticks(stage.drive):
                 inertia = stage.drive.inertia if stage.drive.spring else 1.0 / float(mobility[i])
                 if not inertia > 0.0:
                     raise UsageError(
@@ -191,7 +191,8 @@ def _contact(spring: Spring, motor: float, arm: float) -> Spring:
     return replace(spring, stiffness=k, damping=b)
 
 
-def _sticks(drive: Drive) -> bool:
+def sticks(drive: Drive) -> bool:
+    """Whether a drive has friction that sticks."""
     return any(term.kind == "level" for term in drive.terms)
 
 

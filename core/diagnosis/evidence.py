@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..build import sticks
 from ..parallel import side_by_side
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
@@ -275,7 +276,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         voice = Voice(nominal, nominal, creep)
         values = differences(run, voice.says(run))
-        mask = _masks(run, values, creep, sticks(nominal))
+        mask = _masks(run, values, creep, sticking(nominal))
         masks.append(mask)
         noise, mix, asked = _noise(run, voice, values, mask)
         mixes.append(mix)
@@ -306,13 +307,12 @@ def creep_of(run: Prepared) -> Vector:
     return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
-def sticks(robot: Robot) -> NDArray[np.bool_]:
+def sticking(robot: Robot) -> NDArray[np.bool_]:
     """Joints with friction that sticks, shape (n,)."""
-    drives = [stage.drive for stage in robot.stages]
-    return np.array([any(term.kind == "level" for term in drive.terms) for drive in drives])
+    return np.array([sticks(stage.drive) for stage in robot.stages])
 
 
-def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: NDArray[np.bool_]) -> dict[str, Vector]:
+def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArray[np.bool_]) -> dict[str, Vector]:
     """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
     ndimage: Any = import_module("scipy.ndimage")
@@ -324,7 +324,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, sticking: ND
     rests = ndimage.binary_opening(stands, np.ones((max(3, int(REST / run.h)), 1), dtype=bool))
     near = widened(stands | turns, 0.5 * period) | widened(rests, period)
     # a joint that stands all the time still shows its load, unless its friction may bear any of it
-    unsure = near & ((stands.mean(axis=0) < STANDS) | sticking)
+    unsure = near & ((stands.mean(axis=0) < STANDS) | stuck)
     for joint in run.run.locked:
         # behind a clamped output it creeps from rest to rest, and shows its load on the way alone
         unsure[:, joint - 1] = (stands | turns)[:, joint - 1]

@@ -22,7 +22,7 @@ from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
 from .forms import HALF_SAID, SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
 from .gap import SHOWS_IN_BAND, Gap, gap_of
-from .how_far import Fold, how_far, name_of
+from .how_far import Fold, corrected, how_far, name_of
 from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
@@ -726,17 +726,13 @@ class Judge:
         if not found:
             return answer, overlays, None
         judged_runs = [run for fold in folds for run in fold.runs]
-        robots = [robot_of(self.database, self.level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
-        told = list(zip(judged_runs, overlays, robots, strict=True))
+        told = list(zip(judged_runs, overlays, corrected(self.database, self.level, folds), strict=True))
         gaps = [residuals(run, overlay.before, robot) for run, overlay, robot in told]
         left = [residuals(run, overlay.after, robot) for run, overlay, robot in told]
         noises = [noise_floor(self.database, self.level, run) for run in judged_runs]
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
-        return (
-            answer,
-            overlays,
-            gap_of(left, noises, judged_runs, robot_of(self.database, self.level, judged_runs[0]), fitted),
-        )
+        nominal = robot_of(self.database, self.level, judged_runs[0])
+        return answer, overlays, gap_of(left, noises, judged_runs, nominal, fitted)
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

@@ -53,6 +53,11 @@ def name_of(found: Found) -> str:
     return f"{found.effect} {found.place}"
 
 
+def corrected(database: Database, level: str, folds: Sequence[Fold]) -> list[Robot]:
+    """The robot of every run of these folds, with all that was found without it."""
+    return [robot_of(database, level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
+
+
 def how_far(
     database: Database,
     level: str,
@@ -77,7 +82,7 @@ def how_far(
     say = tell or _say_nothing
     runs = [run for fold in folds for run in fold.runs]
     noises = [noise_floor(database, level, run) for run in runs]
-    robots = [robot_of(database, level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
+    robots = corrected(database, level, folds)
     names = [name_of(found) for found in folds[0].found] if folds else []
 
     def simulated(chosen: Sequence[int], engine: str) -> list[Simulated]:

@@ -23,7 +23,7 @@ from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
-from .evidence import creep_of, sticks
+from .evidence import creep_of, sticking
 from .inverse import STANDS, arms_along, said
 from .prepare import Prepared, prepared, widened
 from .sensed import noise_in
@@ -166,9 +166,9 @@ def compared(run: Run, robot: Robot) -> dict[str, Vector]:
         run: As read.
         robot: With all that it is thought to have: friction that sticks bears anything where a joint stands.
     """
-    sticking = sticks(robot)
+    stuck = sticking(robot)
     if mode_of(run) == "motion":
-        turns = _loose(smoothed(run), run.t, TURN, sticking)
+        turns = _loose(smoothed(run), run.t, TURN, stuck)
         return {
             name: np.where(turns, np.nan, run.signals[name]) if name in ("tau", "tau_link") else run.signals[name]
             for name in MEASURED
@@ -176,7 +176,7 @@ def compared(run: Run, robot: Robot) -> dict[str, Vector]:
         }
     if mode_of(run) == "torque":
         # a window begins with friction's bristles unbent, and turns when its start's noise lets it
-        loose = _loose(smoothed(run), run.t, TURNED, sticking)
+        loose = _loose(smoothed(run), run.t, TURNED, stuck)
         begun: Vector = np.array(window_edges(run))[:, None] - ON_CLOCK
         loose |= np.any((run.t >= begun) & (run.t < begun + TURNED), axis=0)[:, None]
         lost = _beyond_command(run)[:, None]
@@ -193,7 +193,7 @@ def compared(run: Run, robot: Robot) -> dict[str, Vector]:
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
     none = np.zeros(run.signals["q"].shape, dtype=bool)
-    loose = none if run.locked else _loose(grid, run.t, 0.5 / grid.band, sticking)
+    loose = none if run.locked else _loose(grid, run.t, 0.5 / grid.band, stuck)
     moved = grid.bridged("q").any(axis=1, keepdims=True)
     for name in ("tau", "tau_link"):
         if run.has(name):
@@ -234,7 +234,7 @@ def _beyond_command(run: Run) -> NDArray[np.bool_]:
     return lost
 
 
-def _loose(grid: Prepared, times: Vector, reach: float, sticking: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _loose(grid: Prepared, times: Vector, reach: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Where joints (nearly) stand, so that friction is between its levels and no motion tells it, shape (k, n).
 
     A joint that stands most of the time still shows its load, unless its friction may bear any of it.
@@ -243,12 +243,12 @@ def _loose(grid: Prepared, times: Vector, reach: float, sticking: NDArray[np.boo
         grid: The motion.
         times: At which to tell [s], shape (k,).
         reach: What is near it, before and after [s].
-        sticking: Joints with friction that sticks, shape (n,).
+        stuck: Joints with friction that sticks, shape (n,).
     """
     stands = np.abs(grid.dq) < creep_of(grid)
     stands |= np.vstack([np.zeros((1, stands.shape[1]), dtype=bool), np.diff(np.signbit(grid.dq), axis=0)])
     near = widened(stands, reach / grid.h)
-    near &= (stands.mean(axis=0) < STANDS) | sticking
+    near &= (stands.mean(axis=0) < STANDS) | stuck
     return _nearest(grid, near, times)
 
 
