@@ -139,7 +139,41 @@ class _Upper:
         return 1.0 - _LOWEST_CORNER * np.pi * float(self.tools.starts[self.cut]) / self.tools.basis.shape[0]
 
 
-def coloured(channels: Sequence[tuple[Vector, float, float]]) -> list[Coloured]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Heard:
+    """A channel's clean stretches as they are heard by themselves.
+
+    Attributes:
+        white: Variance that is there at least and is white.
+        upper: What of it is noise alone; None where too few stretches moved.
+        alone: Its noise, by the order that pays for itself.
+        curve: -2 log likelihood of every slope that is tried, shape (k,); None where no model of order 1 may do.
+    """
+
+    white: float
+    upper: _Upper | None
+    alone: Coloured
+    curve: Vector | None
+
+
+def heard(channels: Sequence[tuple[Vector, float]]) -> list[Heard]:
+    """Channels by themselves.
+
+    Args:
+        channels: Of each its stretches, shape (s, n), n one of `LENGTHS`, and the variance that is there at least and
+            is white (quantisation).
+    """
+    out: list[Heard] = []
+    for stretches, white in channels:
+        upper = _upper(stretches, white)
+        alone = Coloured(white, np.zeros(0)) if upper is None else _best_order(upper)
+        # a longer memory than one sample is a sensor of its own kind
+        ordinary = upper is not None and len(alone.ar) in (0, 1, _LONG)
+        out.append(Heard(white, upper, alone, _curve(upper) if upper is not None and ordinary else None))
+    return out
+
+
+def coloured(channels: Sequence[Heard], variances: Sequence[float], beside: Sequence[Heard] = ()) -> list[Coloured]:
     """Noise under clean stretches of channels that have sensors of one make.
 
     A slow colour is known badly from one channel, and what is compared lies where it is drawn on to: channels share
@@ -147,26 +181,24 @@ def coloured(channels: Sequence[tuple[Vector, float, float]]) -> list[Coloured]:
     enough to tell how slow the rest of it is.
 
     Args:
-        channels: Of each its stretches, shape (s, n), n one of `LENGTHS`, the variance that is there at least and is
-            white (quantisation), and the whole variance, nan where it isn't known.
+        channels: Those that are asked about.
+        variances: Their whole variance, nan where it isn't known.
+        beside: The same channels in other runs.
     """
-    upper = [_upper(stretches, white) for stretches, white, _ in channels]
-    alone = [
-        Coloured(white, np.zeros(0)) if one is None else _best_order(one)
-        for one, (_, white, _) in zip(upper, channels, strict=True)
-    ]
-    # a longer memory than one sample is a sensor of its own kind
-    fit = {k: one for k, one in enumerate(upper) if one is not None and len(alone[k].ar) in (0, 1, _LONG)}
-    curves = {k: _curve(one) for k, one in fit.items()}
+    alone = [one.alone for one in channels]
+    every = dict(enumerate([*channels, *beside]))
+    fit = {k: one.upper for k, one in every.items() if one.upper is not None and one.curve is not None}
+    curves = {k: one.curve for k, one in every.items() if one.curve is not None}
     slope = _shared(curves)
     if len(curves) > 1:
-        slope = min(slope, max(fit[k].highest for k in curves))
-        for k in curves:
+        slope = min(slope, max((fit[k].highest for k in curves if k < len(channels)), default=1.0))
+        for k in (k for k in curves if k < len(channels)):
             alone[k] = _of_slope(fit[k], slope)
     # what a size can tell is how slow noise is, white noise it would only make a little slow; and of a longer memory
     # whether one sample's does as well
-    there = {k: one for k, one in enumerate(upper) if one is not None and abs(alone[k].ar.sum()) > _SLOW}
-    known = {k: channels[k][2] for k, one in there.items() if channels[k][2] > _MORE * one.white}
+    slow = (k for k in range(len(channels)) if abs(alone[k].ar.sum()) > _SLOW)
+    there = {k: upper for k in slow if (upper := channels[k].upper) is not None}
+    known = {k: variances[k] for k, one in there.items() if variances[k] > _MORE * one.white}
     curves = {k: _curve_of_known(there[k], variance, alone[k]) for k, variance in known.items()}
     curves = {k: curve for k, curve in curves.items() if curve.min() < _DISAGREES}
     for k, curve in curves.items():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .colour import LENGTHS, coloured
+from .colour import LENGTHS, Heard, coloured, heard
 from .run import Run, Vector
 from .stamps import JITTER
 
@@ -65,19 +65,24 @@ def known_together(runs: Sequence[Run]) -> list[Run]:
 
 
 def noise_of(run: Run, signal: str) -> ChannelNoise:
-    """Noise of a signal, as `noise_alone` has it; of channels that seem slow, as runs beside it know it to be white.
+    """Noise of a signal: stated where log.yaml has it, else estimated from what no model could explain.
 
-    Friction's steps and a motion's bends pass for slow noise, and nothing passes for white noise that is less.
+    Estimated from the part of a channel's spectrum that stays once everything smooth is taken out, in stretches
+    between reversals (colour.py); never from how well some model fits. The colour is estimated in any case. Noise that
+    is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
+    on below by the autoregression, whose colour runs beside it tell as well. Of channels that seem slow, runs beside it
+    may know that they are white: friction's steps and a motion's bends pass for slow noise, and nothing passes for
+    white noise that is less.
 
     Raises:
         KeyError: The run has no such signal.
     """
-    own = noise_alone(run, signal)
+    own = _estimated(run, signal)
     slow = np.flatnonzero(own.slow)
     if own.stated or not len(slow):
         return own
     sigma, ar = own.sigma.copy(), own.ar.copy()
-    for other in (noise_alone(one, signal) for one in run.beside if one.has(signal)):
+    for other in (_estimated(one, signal) for one in run.beside if one.has(signal)):
         for i in slow.tolist():
             floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
             if not other.slow[i] and floor < other.sigma[i] < sigma[i] / _LOUDER:
@@ -86,25 +91,18 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
 
 
 @lru_cache(maxsize=256)
-def noise_alone(run: Run, signal: str) -> ChannelNoise:
-    """Noise of a signal: stated where log.yaml has it, else estimated from what no model could explain.
-
-    Estimated from the part of a channel's spectrum that stays once everything smooth is taken out, in stretches
-    between reversals (colour.py); never from how well some model fits. The colour is estimated in any case. Noise that
-    is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
-    on below by the autoregression.
-
-    Raises:
-        KeyError: The run has no such signal.
-    """
-    # moved samples are no multiples of a step any more
-    steps = [quantisation(column) for column in run.signals[signal].T]
-    run = _evenly(run, signal)
-    values = run.signals[signal]
-    known = _motion_of(run)
+def _estimated(run: Run, signal: str) -> ChannelNoise:
+    """Noise of a signal, its colour as this run and those beside it tell it."""
+    own = _heard(run, signal)
     stated = signal in run.noise
-    variance, colours = _channels(run, values, steps, known, run.noise[signal] if stated else None)
-    step = np.where(np.isfinite(values).sum(axis=0) < LENGTHS[-1] // 2, 0.0, steps)
+    size = run.signals[signal].shape[1]
+    known = np.broadcast_to(np.square(run.noise[signal]) if stated else np.nan, size)
+    beside = [one for other in run.beside if other.has(signal) for one in _heard(other, signal).channels.values()]
+    found = coloured(list(own.channels.values()), [float(known[i]) for i in own.channels], beside)
+    variance, colours = own.least.copy(), [np.zeros(0) for _ in range(size)]
+    for i, noise in zip(own.channels, found, strict=True):
+        variance[i], colours[i] = max(noise.variance, variance[i]), noise.ar
+    step = own.step
     orders = max(1, *(len(one) for one in colours))
     ar = np.array([np.pad(one, (0, orders - len(one))) for one in colours])
     if signal == "ee_rot":
@@ -114,6 +112,40 @@ def noise_alone(run: Run, signal: str) -> ChannelNoise:
     if stated:
         sigma = np.broadcast_to(run.noise[signal], sigma.shape)
     return ChannelNoise(np.maximum(sigma, step / np.sqrt(12.0)), ar, step, stated)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Signal:
+    """A signal of a run, every channel heard by itself.
+
+    Attributes:
+        channels: Of those that have clean stretches what is heard there.
+        least: Variance of every channel that quantisation makes, 0 where hardly anything was recorded, shape (n,).
+        step: Quantisation step, likewise.
+    """
+
+    channels: dict[int, Heard]
+    least: Vector
+    step: Vector
+
+
+@lru_cache(maxsize=256)
+def _heard(run: Run, signal: str) -> _Signal:
+    """Every channel of a signal by itself; made once."""
+    # moved samples are no multiples of a step any more
+    steps = np.array([quantisation(column) for column in run.signals[signal].T])
+    run = _evenly(run, signal)
+    values, known = run.signals[signal], _motion_of(run)
+    there = np.isfinite(values).sum(axis=0) >= LENGTHS[-1] // 2
+    step = np.where(there, steps, 0.0)
+    clean: dict[int, Vector] = {}
+    for i in np.flatnonzero(there).tolist():
+        stretches = _clean_stretches(run, values[:, i], known, i if values.shape[1] == run.n else None)
+        if stretches is not None:
+            clean[i] = stretches
+    white = np.square(step) / 12.0
+    found = heard([(stretches, float(white[i])) for i, stretches in clean.items()])
+    return _Signal(dict(zip(clean, found, strict=True)), white, step)
 
 
 def _evenly(run: Run, signal: str) -> Run:
@@ -196,28 +228,6 @@ def _motion_of(run: Run) -> _Motion:
     reversals = np.column_stack([np.convolve(turn, reach)[before : before + len(turn)] > 0.5 for turn in turns.T])
     gaps = np.concatenate([[False], np.diff(run.t) > 2.5 * step])
     return _Motion(reversals, gaps)
-
-
-def _channels(
-    run: Run, values: Vector, steps: Sequence[float], known: _Motion, sigma: Vector | None
-) -> tuple[Vector, list[Vector]]:
-    """Variance and autoregression of channels (m, n) with these quantisation steps, and sigma where it is known."""
-    whole = np.broadcast_to(np.nan if sigma is None else np.square(sigma), values.shape[1])
-    white = [step**2 / 12.0 for step in steps]
-    variance = np.zeros(values.shape[1])
-    colours = [np.zeros(0) for _ in steps]
-    clean: dict[int, Vector] = {}
-    for i, column in enumerate(values.T):
-        if np.isfinite(column).sum() < LENGTHS[-1] // 2:
-            continue
-        stretches = _clean_stretches(run, column, known, i if values.shape[1] == run.n else None)
-        variance[i] = white[i]
-        if stretches is not None:
-            clean[i] = stretches
-    found = coloured([(stretches, white[i], float(whole[i])) for i, stretches in clean.items()])
-    for i, noise in zip(clean, found, strict=True):
-        variance[i], colours[i] = max(noise.variance, white[i]), noise.ar
-    return variance, colours
 
 
 def _clean_stretches(run: Run, values: Vector, known: _Motion, joint: int | None) -> Vector | None:

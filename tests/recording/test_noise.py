@@ -114,6 +114,19 @@ def test_a_sensor_that_is_white_in_one_run_is_white_in_another():
         assert np.abs(noise_of(one, "tau").ar).sum(axis=1).max() < 0.2
 
 
+def test_runs_beside_each_other_tell_a_slow_colour_better():
+    alone, together = [], []
+    for first in range(0, 18, 3):
+        long = [recorded(swing, 0.95, seed=first + k) for k in range(3)]
+        runs = [run_of(run.t[:1000], {name: x[:1000] for name, x in run.signals.items()}) for run in long]
+        for one, other in zip(runs, known_together(runs), strict=True):
+            for name, sigma in SIGMA.items():
+                alone += np.log(noise_of(one, name).sigma / sigma).tolist()
+                together += np.log(noise_of(other, name).sigma / sigma).tolist()
+    assert np.std(together) < 0.8 * np.std(alone)
+    assert abs(np.mean(together)) < 0.15
+
+
 def test_what_is_slow_in_all_runs_stays_slow_and_other_gains_are_other_loops():
     slow, slower = recorded(swing, 0.95, seed=1), stirred(recorded(swing, 0.95, seed=2), 3)
     _, together = known_together([slow, slower])
