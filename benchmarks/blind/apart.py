@@ -6,7 +6,9 @@ The gap of an effect is what the true robot does less what it would do without t
 other effects being the same. Another effect at a place is ALIKE where the best of it, over its parameters, leaves less
 than `ALIKE` of the gap's energy; every channel that was recorded (speeds aside) counts in units of its noise floor.
 
-"fitted" is how much of the gap the runs show that a fit may see: the held-out run is not among them.
+"fitted" is how much of the gap the runs show that a fit may see: the held-out run is not among them. "together" are
+those that alone show the same as all effects of the case: a load says whatever an arm's inertia and its encoder's
+offset do on a pendulum.
 
 How the other is fitted: the robot is led along the true motion, and what each effect then asks of the drives is a
 column a parameter. Where drives follow the command (mode motion), or where torque is compared (mode unknown), that is
@@ -379,7 +381,11 @@ class Scene:
         acting = self.acting(effect)
         if acting is not None:
             return acting
-        world = self.world([effect])
+        return self.asked_by_law([effect])
+
+    def asked_by_law(self, effects: list[dict]) -> list[Asked]:
+        """What effects ask that change no torque but by the motion, their laws integrated along it; k = 1."""
+        world = self.world(effects)
         return [path.asked_by(world) for path in self.paths]
 
     def asked_torque(self, number: int) -> np.ndarray:
@@ -401,7 +407,7 @@ class Scene:
             extra = np.zeros((len(path.t), self.n, 1))
             if name == "torque_constant":
                 tau = path.tau[:, i]
-                extra[:, i, 0] = tau * (p["gain"] * (1.0 - p.get("droop", 0.0) * tau**2) - 1.0)
+                extra[:, i, 0] = tau * (p["gain"] / np.sqrt(1.0 + 2.0 * p.get("droop", 0.0) * tau**2) - 1.0)
             elif name == "controller_gain":
                 error, speed = (a[:, i] - b[:, i] for a, b in zip(path.cmd, (path.q, path.dq), strict=True))
                 kp, kd = (self.recipe["control"][key][i] for key in ("kp", "kd"))
@@ -779,6 +785,34 @@ def looked_at(recipe: dict, index: int) -> dict:
     }
 
 
+def alike_together(recipe: dict, rows: list[dict]) -> None:
+    """Adds to every row of several effects what alone shows the same as all of them: "together".
+
+    Alike is what leaves less than `ALIKE` of the energy of each of their gaps, and not of all together.
+    """
+    scene = Scene(recipe, None, without=world_of(recipe, [], drawn=recipe["drawn"]))
+    scene.others = []
+    acting = [asked for effect in recipe["effects"] if (asked := scene.acting(effect)) is not None]
+    laws = [effect for effect in recipe["effects"] if scene.acting(effect) is None]
+    asked = [*([scene.asked_by_law(laws)] if laws else []), *acting]
+    scene.asks = asked[0]
+    scene.gap = np.sum([scene.shown(one)[:, 0] for one in asked], axis=0)
+    scene.energy = float(scene.gap @ scene.gap)
+    least = min(row["rms"] for row in rows) ** 2 * len(scene.gap)
+    near: dict[tuple[str, int], float] = {}
+    for effect, at, columns in candidates(scene):
+        left, factors = scene.left(columns, MOST.get(effect, math.inf))
+        if effect in ("torque_limit", "delay") and factors[0] < 0.0:
+            continue
+        near[effect, at] = min(left * scene.energy / least, near.get((effect, at), math.inf))
+    for row in rows:
+        row["together"] = [
+            {"effect": effect, "at": place(effect, at), "left": left}
+            for (effect, at), left in sorted(near.items(), key=lambda item: item[1])
+            if left < ALIKE
+        ]
+
+
 def place(effect: str, at: int) -> str:
     """As a diagnosis names it."""
     if at == 0:
@@ -793,6 +827,8 @@ def told_apart(bank: Path, name: str) -> list[dict]:
         return json.loads(kept.read_text())
     recipe = json.loads((bank / "sealed" / f"{name}.json").read_text())
     result = [looked_at(recipe, index) for index in range(len(recipe["effects"]))]
+    if len(result) > 1:
+        alike_together(recipe, result)
     kept.parent.mkdir(parents=True, exist_ok=True)
     half = kept.with_suffix(".half")
     half.write_text(json.dumps(result, indent=1) + "\n")

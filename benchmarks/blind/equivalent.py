@@ -101,7 +101,8 @@ def nearest(name: str, i: int, p: dict, world: World, signals: list) -> dict:
         a, b = np.linalg.lstsq(np.column_stack([np.sin(angle), np.cos(angle)]), wave, rcond=None)[0]
         return {"amplitude": math.hypot(a, b), "phase": math.atan2(b, a)}
     if name == "torque_constant":
-        return {"gain": float(p["gain"] * (1.0 - p["droop"] * (tau**4).sum() / (tau**2).sum()))}
+        given = p["gain"] * tau / np.sqrt(1.0 + 2.0 * p["droop"] * tau**2)
+        return {"gain": float(given @ tau / (tau @ tau))}
     if name == "joint_spring":
         x = arm - p["rest"]
         force = p["stiffness"] * x * (1.0 + p["bend"] * x * x)

@@ -182,7 +182,5 @@ def limited(p, tau):
 
 @njit(cache=True)
 def motor_torque(p, tau):
-    """What the motor truly gives: a gain that may droop where the torque is high."""
-    if p[DROOP] == 0.0:
-        return p[GAIN] * tau
-    return p[GAIN] * tau * (1.0 - p[DROOP] * tau * tau)
+    """What the motor truly gives: a gain that may droop where the torque is high, as iron that saturates makes it."""
+    return p[GAIN] * tau / math.sqrt(1.0 + 2.0 * p[DROOP] * tau * tau)

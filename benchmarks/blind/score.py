@@ -110,6 +110,11 @@ class Case:
             return [{name, *self.one_body(name)} for name in self.wanted]
         return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in self.apart]
 
+    @property
+    def together(self) -> set[Name]:
+        """Names that alone show the same as all true effects."""
+        return {(o["effect"], o["at"]) for row in self.apart or () for o in row.get("together", ())}
+
     def one_body(self, name: Name) -> set[Name]:
         """The other name of what hangs at the last arm, with any motion: a load, or that arm's inertia."""
         arms = (self.truth.get("drawn") or {}).get("arms", ())
@@ -133,7 +138,9 @@ class Case:
 
     @property
     def exact_as_far(self) -> bool:
-        """One finding for every true effect, by its name or one that shows the same."""
+        """One finding for every true effect, by its name or one that shows the same; or one that does so for all."""
+        if len(self.named) == 1 and self.named[0] in self.together:
+            return True
         left = list(self.named)
         for names in sorted(self.classes, key=len):
             match = next((name for name in left if name in names), None)
@@ -149,7 +156,7 @@ class Case:
 
     def right(self, name: Name) -> bool:
         """Whether a name is one of a true effect's."""
-        return any(name in names for names in self.classes)
+        return any(name in names for names in (*self.classes, self.together))
 
     @property
     def lawful(self) -> bool:

@@ -84,6 +84,22 @@ def apart():
     return left
 
 
+def together():
+    """What alone shows the same as a pendulum's body and encoder that are off."""
+    from apart import alike_together
+
+    case = recipe("motion", channels=["tau"])
+    case["runs"][0]["duration"] = 0.2
+    case["effects"] = [
+        {"effect": "link_inertia", "at": 1, "parameters": {"mass": 0.1, "mx": 0.02, "Izz": 0.01}, "form": 0},
+        {"effect": "encoder_offset", "at": 1, "parameters": {"offset": 0.01}, "form": 0},
+    ]
+    # what stays of no more than noise is nothing
+    rows = [{"rms": 1.0}]
+    alike_together(case, rows)
+    return [one["effect"] for one in rows[0]["together"]]
+
+
 def load():
     """By how much friction under a load is off from that load's, where it has as good as none and slides fast."""
     from integrate import Command, flow, workspace
@@ -128,5 +144,12 @@ def settled():
 
 
 if __name__ == "__main__":
-    cases = {"perfect": perfect, "stamps": stamps, "apart": apart, "load": load, "settled": settled}
+    cases = {
+        "perfect": perfect,
+        "stamps": stamps,
+        "apart": apart,
+        "together": together,
+        "load": load,
+        "settled": settled,
+    }
     print(json.dumps(cases[sys.argv[1]]()))

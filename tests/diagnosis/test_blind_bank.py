@@ -137,6 +137,12 @@ def test_a_rotor_is_like_its_link_and_nothing_like_friction():
     assert min(left[name] for name in ("coulomb_friction", "viscous_friction", "base_tilt", "encoder_offset")) > 0.5
 
 
+def test_one_body_is_like_a_body_and_an_encoder_together():
+    alike = tiny("together")
+    assert "payload" in alike
+    assert {"encoder_offset", "coulomb_friction", "rotor_inertia"}.isdisjoint(alike)
+
+
 @pytest.fixture(scope="module")
 def score(bank_module):
     return bank_module("score")
@@ -199,6 +205,15 @@ def test_a_name_counts_as_far_as_it_can_be_told_apart(score):
     more = case(score, [COULOMB, VISCOUS], [VISCOUS, COULOMB, ("delay", "robot")], group="pair")
     assert figure(score, [both, half, more], "pairs: exact") == [True, False, False]
     assert figure(score, [both, half, more], "pairs: findings").count(False) == 1
+    # one name that says what both say, and the same beside another
+    load = ("payload", "robot")
+    alone, beside = (
+        case(score, [COULOMB, VISCOUS], found, group="pair", alike=[{COULOMB}, {VISCOUS}])
+        for found in ([load], [load, COULOMB])
+    )
+    for one in (alone, beside):
+        one.apart[0]["together"] = [{"effect": load[0], "at": load[1]}]
+    assert figure(score, [alone, beside], "pairs: exact") == [True, False]
 
 
 def test_blaming_something_is_seen(score):
