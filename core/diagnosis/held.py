@@ -628,7 +628,7 @@ class Judge:
                 if shares[worst] >= OTHER_FORM:
                     held_there = (trusted.get(item.key, gain) for item, gain in zip(kept, unseen.gains, strict=True))
                     return kept, replace(unseen, gains=tuple(held_there)), tuple(dropped)
-                if unseen.moves[worst] < NOTHING and (gain := self._in_turn(kept, worst)) is not None:
+                if (gain := self._in_turn(kept, worst)) is not None:
                     trusted[kept[worst].key] = gain
                     continue
                 item = kept.pop(worst)

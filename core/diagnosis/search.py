@@ -388,7 +388,8 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         worse = 0.5 * (_energy(other.left / sigma) - _energy(state.left / sigma))
         fewer = len(state.found) - len(other.found)
         numbers = state.slope.shape[1] - other.slope.shape[1]
-        if fewer > 0 and worse < fewer * THRESHOLD + 2.0 * numbers:
+        # with more numbers than all of them one must say more than they do, not the same
+        if fewer > 0 and worse < (fewer * THRESHOLD if numbers >= 0 else 0.0) + 2.0 * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
 
@@ -455,10 +456,11 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
             unreal = without_bodies(problem, other.found) | never_slipping(problem, other.found)
             if unreal or _stuck(problem, other.found) or not other.found:
                 continue
-            dearer = THRESHOLD * (len(other.found) - len(state.found)) + 2.0 * (
-                other.slope.shape[1] - fit.slope.shape[1]
-            )
-            plainer = other.slope.shape[1] < fit.slope.shape[1] and len(other.found) <= len(state.found)
+            more = other.slope.shape[1] - fit.slope.shape[1]
+            second = len(other.found) - len(state.found)
+            # fewer causes with more numbers must say more, not the same
+            dearer = THRESHOLD * (second if more <= 0 else max(second, 0)) + 2.0 * more
+            plainer = more < 0 and second <= 0
             as_much = plainer and _energy(other.left) - _energy(fit.left) < same
             if as_much or gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
                 state.found, state.left, state.slope = other.found, other.left, other.slope

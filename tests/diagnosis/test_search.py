@@ -11,13 +11,14 @@ from mbexport.core.build import assembled, build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
+from mbexport.core.diagnosis import held as holding
 from mbexport.core.diagnosis import inverse, refine
 from mbexport.core.diagnosis import search as searching
 from mbexport.core.diagnosis.alike import Alike, _springs_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
-from mbexport.core.diagnosis.held import GONE, MOST_LEFT, OTHER_LAW, WILD, Judge
+from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, WILD, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
@@ -48,7 +49,7 @@ from mbexport.core.diagnosis.search import (
     search,
     without_bodies,
 )
-from mbexport.core.diagnosis.unseen import EARNS, Short, Split, judged, splits
+from mbexport.core.diagnosis.unseen import EARNS, Short, Split, Unseen, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
 from mbexport.core.kinematics import dynamics
@@ -228,6 +229,33 @@ def test_the_plain_name_takes_the_place_of_one_with_more_numbers_that_says_the_s
     ]
     # more may be left than before, but next to nothing beside what it explains
     assert float(state.left @ state.left) - before < 0.002 * whole
+
+
+@pytest.mark.parametrize(("says_more", "names"), [(0.0, 2), (60.0, 1)])
+def test_one_cause_with_more_numbers_than_two_must_say_more_than_they_do(monkeypatch, says_more, names):
+    """Two encoders that are off, for which one arm's geometry was named that says the same with five numbers."""
+    asked = question(lambda t, q, dq: 0.3 * math.tanh(dq / 1e-3) + 0.4 * dq)
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    both = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
+        Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0, EffectRow(1, {"coefficient": 0.0})),
+    ]
+    state = Search(asked, whiten)
+    state.begin()
+    state.take(both, refined(asked, whiten, both, parts))
+    values = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.01)
+    one = Hypothesis("kinematic_error", 1, "all", lambda beta: values, np.ones(5), np.zeros(5))
+    state.first = [Contender(one, 90.0, 1.0, np.ones(5), state.left, 1.0)]
+    said = state.left * math.sqrt(1.0 - 2.0 * says_more / float(state.left @ state.left))
+
+    def as_said(other, trial, fit, parts, keep=None):
+        other.found, other.left, other.slope = list(trial)[:1], said, np.ones((len(said), 5))
+
+    monkeypatch.setattr(searching, "refined", lambda *asked: None)
+    monkeypatch.setattr(searching, "prune", as_said)
+    monkeypatch.setattr(searching, "without_bodies", lambda *asked: set())
+    searching._condense(state, parts)
+    assert len(state.found) == names
 
 
 def test_an_arm_that_is_far_off_is_no_effect():
@@ -873,6 +901,29 @@ def test_what_held_out_runs_do_not_excite_is_judged_by_the_others_in_turn(count)
     kept, _, dropped = judge_of(count, 0.0)._kept([RUBS])
     assert kept == []
     assert dropped[0].why == "not excited by the held-out runs"
+
+
+@pytest.mark.parametrize(
+    ("in_turn", "kept"), [(0.3, ["viscous_friction", "torque_offset"]), (0.0, ["viscous_friction"])]
+)
+def test_a_crumb_of_the_held_out_runs_that_the_others_show_is_none(monkeypatch, in_turn, kept):
+    """A tilted base of which the held-out run shows a little, and the others most, each left out in turn."""
+    judge = judge_of(2)
+    both = [RUBS, Found("torque_offset", 1, EffectRow(1, {"torque": 0.1}), 50.0)]
+
+    def worth(whole, whiten, found, ways):
+        rows = tuple(tuple(item.row for item in found) for _ in ways)
+        gains, shares = ((1900.0, 1400.0), (1.0, in_turn)) if len(ways) > 1 else ((600.0, 9.0), (1.0, 0.0))
+        few = slice(len(found))
+        return Unseen(gains[few], (60.0, 7.0)[few], shares[few], (1.0, 1.0)[few], rows, open=0.0)
+
+    monkeypatch.setattr(holding, "judged", worth)
+    found, unseen, dropped = judge._kept(both)
+    assert [item.effect for item in found] == kept
+    if len(kept) == 2:
+        assert unseen.gains[1] == 1400.0
+    else:
+        assert [item.why for item in dropped] == [CRUMB]
 
 
 @pytest.mark.parametrize(
