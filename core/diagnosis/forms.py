@@ -43,6 +43,8 @@ _POWERS: dict[str, tuple[float, ...]] = {
 }
 # over which parts of a limit it may come softly, and by which part of it that is known as much
 KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
+# what changes where arms are, and so what they weigh on joints
+GEOMETRY = ("kinematic_error", "base_tilt")
 # a gear's, which inertia takes by the square of how often it comes
 ERROR = "transmission_error"
 # what is said of a law that is so
@@ -114,6 +116,9 @@ def _bears(problem: Problem, item: Found) -> Collection[int]:
         return ()
     if item.effect in BODIES:
         return range(1, (item.at or problem.database.n) + 1)
+    if item.effect in GEOMETRY:
+        # which turns what every joint bears
+        return range(1, problem.database.n + 1)
     return (item.at,) if effect_named(item.effect).key == "joint" else ()
 
 

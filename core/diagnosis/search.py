@@ -388,8 +388,9 @@ def _condense(state: Search, parts: Sequence[Part]) -> None:
         worse = 0.5 * (_energy(other.left / sigma) - _energy(state.left / sigma))
         fewer = len(state.found) - len(other.found)
         numbers = state.slope.shape[1] - other.slope.shape[1]
-        # with more numbers than all of them one must say more than they do, not the same
-        if fewer > 0 and worse < (fewer * THRESHOLD if numbers >= 0 else 0.0) + 2.0 * numbers:
+        # with more numbers than all of them another must say more than they do, not the same
+        another = numbers < 0 and there is None
+        if fewer > 0 and worse < (0.0 if another else fewer * THRESHOLD) + 2.0 * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
 
@@ -458,8 +459,9 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
                 continue
             more = other.slope.shape[1] - fit.slope.shape[1]
             second = len(other.found) - len(state.found)
-            # fewer causes with more numbers must say more, not the same
-            dearer = THRESHOLD * (second if more <= 0 else max(second, 0)) + 2.0 * more
+            # another one with more numbers than those that it replaces must say more than they do, not the same
+            another = more > 0 and contender.hypothesis.key not in {one.key for one in others}
+            dearer = THRESHOLD * (max(second, 0) if another else second) + 2.0 * more
             plainer = more < 0 and second <= 0
             as_much = plainer and _energy(other.left) - _energy(fit.left) < same
             if as_much or gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:

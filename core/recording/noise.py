@@ -19,9 +19,9 @@ Rows = NDArray[np.bool_]
 
 # before and after a reversal, where friction jumps, a motion is not smooth and a controller settles [s]
 _BEFORE, _AFTER = 0.04, 0.08
-# of two runs with one sensor, the one that seems slow and so much louder has its motion in its noise; a sensor
-# that is no louder than this part of its steps' noise has hardly moved
-_LOUDER, _MOVED = 1.5, 1.05
+# of two runs with one sensor, the one that seems slow and so much louder than one that is white, or that is slow as
+# well, has its motion in its noise; a sensor that is no louder than this part of its steps' noise has hardly moved
+_LOUDER, _MUCH_LOUDER, _MOVED = 1.5, 2.5, 1.05
 # coefficients of an autoregression that add up to no more are white noise's
 _WHITE = 0.2
 # of the distances between neighbouring values, which may be one step: of a fast motion few are
@@ -71,8 +71,8 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     between reversals (colour.py); never from how well some model fits. The colour is estimated in any case. Noise that
     is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
     on below by the autoregression, whose colour runs beside it tell as well. Of channels that seem slow, runs beside it
-    may know that they are white: friction's steps and a motion's bends pass for slow noise, and nothing passes for
-    white noise that is less.
+    may know that they are white, or far quieter: friction's steps and a motion's bends pass for slow noise, and nothing
+    passes for noise that is less.
 
     Raises:
         KeyError: The run has no such signal.
@@ -81,12 +81,16 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     slow = np.flatnonzero(own.slow)
     if own.stated or not len(slow):
         return own
-    sigma, ar = own.sigma.copy(), own.ar.copy()
-    for other in (_estimated(one, signal) for one in run.beside if one.has(signal)):
+    others = [_estimated(one, signal) for one in run.beside if one.has(signal)]
+    terms = max(one.ar.shape[1] for one in (own, *others))
+    sigma, ar = own.sigma.copy(), np.pad(own.ar, ((0, 0), (0, terms - own.ar.shape[1])))
+    for other in others:
         for i in slow.tolist():
             floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
-            if not other.slow[i] and floor < other.sigma[i] < sigma[i] / _LOUDER:
+            if floor < other.sigma[i] < sigma[i] / (_MUCH_LOUDER if other.slow[i] else _LOUDER):
                 sigma[i], ar[i] = other.sigma[i], 0.0
+                if other.slow[i]:
+                    ar[i, : other.ar.shape[1]] = other.ar[i]
     return replace(own, sigma=sigma, ar=ar)
 
 

@@ -965,6 +965,24 @@ def test_a_spring_that_stiffens_on_its_way_is_no_body_beside_it(weight, its_own)
     assert (worth.own[1] >= MOST_LEFT) == its_own
 
 
+@pytest.mark.parametrize(("theta", "its_own"), [(0.0, False), (0.1, True)])
+def test_a_spring_that_stiffens_on_its_way_is_no_geometry_beside_it(theta, its_own):
+    """Nor an arm's, which turns what every joint bears."""
+
+    def against(t, q, dq):
+        return 1.5 * q + 0.2 * q**3 + WEIGHT * (math.sin(q + theta) - math.sin(q))
+
+    runs = [pendulum_run("motion", against, seed=k) for k in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    off = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0) | {"theta": 0.02 + theta}
+    both = [
+        Found("joint_spring", 1, EffectRow(1, {"stiffness": 2.0, "rest": 0.0}), 50.0),
+        Found("kinematic_error", 1, EffectRow(1, off), 50.0),
+    ]
+    worth = judged(asked, whitening(asked), both, splits(2, 0))
+    assert (worth.own[1] >= MOST_LEFT) == its_own
+
+
 @pytest.mark.parametrize(
     ("coulomb", "kept"), [(0.0, ["viscous_friction"]), (0.3, ["viscous_friction", "coulomb_friction"])]
 )
