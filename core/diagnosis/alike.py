@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .beyond import SPRINGS, STIFFENING
-from .fit import blocks, gained, spread
+from .fit import blocks, gained, spread, takes_the_same
 from .hypotheses import clamped, defaults, possible, twins_of
 from .other_laws import beyond_catalogue
 from .problem import Problem
@@ -38,8 +38,6 @@ TRIED = 5
 FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
 # and springs that are as stiff as one that was found
 MOST_SPRINGS = 3
-# cosine between what two names of one thing take away: as much may be gained elsewhere by another cause
-SAME = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +131,7 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         if without_bodies(problem, [named]) or never_slipping(problem, [named]):
             continue
         # what says much more, or takes something else away, is no other name for it
-        same = _cosine((state.left - fit.left) / sigma, (state.left - other.left) / sigma) > SAME
+        same = takes_the_same(state.left, fit.left, other.left, sigma)
         if same and (abs(worse) < ALIKE or abs(leaves) < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
@@ -166,11 +164,6 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
                 row |= dict.fromkeys(columns, stiffness) | {DAMPING[name]: damping for name in columns}
                 out.append(Found(effect, at, EffectRow(at, row), item.gain))
     return out
-
-
-def _cosine(one: Vector, other: Vector) -> float:
-    """Of the angle between what two names take away."""
-    return float(one @ other) / max(float(np.linalg.norm(one) * np.linalg.norm(other)), 1e-300)
 
 
 def one_body(problem: Problem, one: tuple[str, int], other: tuple[str, int]) -> bool:

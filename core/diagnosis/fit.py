@@ -24,6 +24,8 @@ LEAK = 0.2
 SHARED = 1.0e-12
 # standard deviations below what noise leaves of a channel from which less is no better
 CHANCE = 2.0
+# cosine of the angle between what two names take away from which they may be names of one thing
+SAME = 0.5
 # nobody knows how large an amount is plain: a cause may be so much smaller altogether, and pays for the choice
 SMALLER = (1.0, 0.3, 0.1, 0.03, 0.01)
 
@@ -158,3 +160,16 @@ def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) 
     return 0.5 * float(
         np.sum(weighed * np.divide(np.abs(counts), np.abs(less), out=np.ones(len(count)), where=less != 0))
     )
+
+
+def takes_the_same(before: Vector, one: Vector, other: Vector, sigma: Vector) -> bool:
+    """Whether two names take the same away: as much may be gained elsewhere by another cause.
+
+    Args:
+        before: What is left without either, in units of noise, shape (N,).
+        one: What is left with the one.
+        other: What is left with the other.
+        sigma: Spread that both are judged by.
+    """
+    a, b = (before - one) / sigma, (before - other) / sigma
+    return float(a @ b) > SAME * max(float(np.linalg.norm(a) * np.linalg.norm(b)), 1e-300)

@@ -20,7 +20,7 @@ from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from ..parallel import side_by_side
 from .beyond import SPRINGS, number_of
-from .fit import Linear, Part, blocks, edges_of, gained, linear, spread
+from .fit import Linear, Part, blocks, edges_of, gained, linear, spread, takes_the_same
 from .hypotheses import (
     BODIES,
     GIVING,
@@ -463,7 +463,9 @@ def _swapped(state: Search, parts: Sequence[Part]) -> bool:
             another = more > 0 and contender.hypothesis.key not in {one.key for one in others}
             dearer = THRESHOLD * (max(second, 0) if another else second) + 2.0 * more
             plainer = more < 0 and second <= 0
-            as_much = plainer and _energy(other.left) - _energy(fit.left) < same
+            # what takes something else away, of a channel that nothing explains, is no other name
+            alike = takes_the_same(beside.left, fit.left, other.left, sigma)
+            as_much = plainer and alike and _energy(other.left) - _energy(fit.left) < same
             if as_much or gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
                 state.found, state.left, state.slope = other.found, other.left, other.slope
                 return True

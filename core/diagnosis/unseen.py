@@ -111,6 +111,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     gains = np.zeros(len(found))
     moves = np.zeros(len(found))
     shares, taken, own = (np.zeros(len(found)) for _ in range(3))
+    doubted = np.zeros(len(found), dtype=bool)
     rows: list[tuple[EffectRow, ...]] = []
     sums, stands_out = np.zeros(3), False
     numbers_beyond: tuple[float, ...] = ()
@@ -144,6 +145,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             gains[k] += gained(rest, left, sigma, unseen.parts)
             shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
             forms = beyond_forms(unseen.problem, unseen.whiten, whole, k)
+            doubted[k] |= forms is not None
             taken[k] += _energy(rest) - _energy(left)
             own[k] += _energy(rest) - _energy(left) if forms is None else _energy(forms(rest)) - _energy(forms(left))
     loud, still, bends = sums.tolist()
@@ -152,7 +154,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         tuple(gains.tolist()),
         tuple(np.sqrt(moves).tolist()),
         tuple(shares.tolist()),
-        tuple(np.divide(own, taken, out=np.ones(len(found)), where=taken > 0.0).tolist()),
+        # what takes nothing away there, beside a law that might say the same, has nothing of its own
+        tuple(np.divide(own, taken, out=np.where(doubted, 0.0, 1.0), where=taken > 0.0).tolist()),
         tuple(rows),
         part,
         stands_out,

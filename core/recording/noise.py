@@ -97,11 +97,12 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
 @lru_cache(maxsize=256)
 def _estimated(run: Run, signal: str) -> ChannelNoise:
     """Noise of a signal, its colour as this run and those beside it tell it."""
-    own = _heard(run, signal)
+    own = _heard(_Recorded(run), signal)
     stated = signal in run.noise
     size = run.signals[signal].shape[1]
     known = np.broadcast_to(np.square(run.noise[signal]) if stated else np.nan, size)
-    beside = [one for other in run.beside if other.has(signal) for one in _heard(other, signal).channels.values()]
+    others = [_heard(_Recorded(other), signal) for other in run.beside if other.has(signal)]
+    beside = [one for other in others for one in other.channels.values()]
     found = coloured(list(own.channels.values()), [float(known[i]) for i in own.channels], beside)
     variance, colours = own.least.copy(), [np.zeros(0) for _ in range(size)]
     for i, noise in zip(own.channels, found, strict=True):
@@ -133,9 +134,23 @@ class _Signal:
     step: Vector
 
 
+class _Recorded:
+    """What a run recorded, whatever is known of it and of those beside it."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+
+    def __hash__(self) -> int:
+        return hash((id(self.run.t), id(self.run.signals)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Recorded) and self.run.t is other.run.t and self.run.signals is other.run.signals
+
+
 @lru_cache(maxsize=256)
-def _heard(run: Run, signal: str) -> _Signal:
+def _heard(recorded: _Recorded, signal: str) -> _Signal:
     """Every channel of a signal by itself; made once."""
+    run = recorded.run
     # moved samples are no multiples of a step any more
     steps = np.array([quantisation(column) for column in run.signals[signal].T])
     run = _evenly(run, signal)

@@ -231,6 +231,34 @@ def test_the_plain_name_takes_the_place_of_one_with_more_numbers_that_says_the_s
     assert float(state.left @ state.left) - before < 0.002 * whole
 
 
+@pytest.mark.parametrize("something_else", [True, False])
+def test_a_plain_name_that_explains_something_else_takes_no_ones_place(monkeypatch, something_else):
+    """An offset takes much of a channel that nothing explains, and none of what a spring does."""
+    asked = question(lambda t, q, dq: 0.3 * math.tanh(dq / 1e-3) + 1.0 * (q - 0.4))
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    both = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
+        Found("joint_spring", 1, EffectRow(1, {"stiffness": 1.0, "rest": 0.4}), 50.0, NO_SPRING),
+    ]
+    state = Search(asked, whiten)
+    state.begin()
+    state.take(both, refined(asked, whiten, both, parts))
+    loud, fitted, left_of = 1e5 * np.ones(len(state.left)), refined, left_with
+    offset = Hypothesis("torque_offset", 1, "", lambda beta: {"torque": 0.1}, np.ones(1), np.zeros(1))
+    contender = Contender(offset, 90.0, 1.0, np.ones(1), np.zeros(len(loud)), 1.0)
+    without_spring = left_of(asked, whiten, rows_of(both[:1]))
+
+    def as_said(other, trial, *rest):
+        other.found, other.slope = list(trial), np.ones((len(loud), 2))
+        other.left = without_spring + 0.999 * loud if something_else else state.left + 0.9999 * loud
+
+    monkeypatch.setattr(searching, "left_with", lambda *asked: left_of(*asked) + loud)
+    monkeypatch.setattr(searching, "refined", lambda *asked: replace(fitted(*asked), left=state.left + loud))
+    monkeypatch.setattr(searching, "contenders", lambda *beside: [contender])
+    monkeypatch.setattr(searching, "prune", as_said)
+    assert _swapped(state, parts) == (not something_else)
+
+
 @pytest.mark.parametrize(("says_more", "names"), [(0.0, 2), (60.0, 1)])
 def test_one_cause_with_more_numbers_than_two_must_say_more_than_they_do(monkeypatch, says_more, names):
     """Two encoders that are off, for which one arm's geometry was named that says the same with five numbers."""
@@ -963,6 +991,18 @@ def test_a_spring_that_stiffens_on_its_way_is_no_body_beside_it(weight, its_own)
     ]
     worth = judged(asked, whitening(asked), both, splits(2, 0))
     assert (worth.own[1] >= MOST_LEFT) == its_own
+
+
+def test_what_takes_nothing_away_beside_a_law_that_may_say_the_same_has_nothing_of_its_own():
+    """A wave that bends as a spring does in one run, where a straight one that is harder is all in the other."""
+    bends, straight = (lambda t, q, dq, k=k, b=b: k * q + b * q**3 for k, b in ((1.5, 0.3), (2.2, 0.0)))
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion", bends), pendulum_run("motion", straight)])
+    none = EffectRow(1, {"amplitude": 0.0, "cycles": 4.0, "phase": 0.0})
+    both = [
+        Found("joint_spring", 1, EffectRow(1, {"stiffness": 2.0, "rest": 0.0}), 50.0, NO_SPRING),
+        Found("torque_ripple", 1, EffectRow(1, {**none.values, "amplitude": 0.1}), 50.0, none),
+    ]
+    assert judged(asked, whitening(asked), both, [Split((0,), (1,))]).own == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(("theta", "its_own"), [(0.0, False), (0.1, True)])
