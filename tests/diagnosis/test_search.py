@@ -1118,5 +1118,5 @@ def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
     one = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.1}), 50.0)
     fit = refined(asked, state.whiten, [one], blocks(asked.evidence))
     assert ("viscous_friction", 2) not in {other.found.key for other in alike(state, [one], fit, one)}
-    monkeypatch.setattr("mbexport.core.diagnosis.alike.SAME", -2.0)
+    monkeypatch.setattr("mbexport.core.diagnosis.fit.SAME", -2.0)
     assert ("viscous_friction", 2) in {other.found.key for other in alike(state, [one], fit, one)}
