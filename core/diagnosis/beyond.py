@@ -2,13 +2,15 @@
 
 Springs that stiffen, T = K s (1 + stiffening s^2): harmonic drives, bearings and bent arms do so, by half and more
 under their own load. Torque limits that are felt before they are reached: a motor that saturates gives ever less of
-what it is asked for, over a knee. Then the catalogue's law leaves most of the gap, or another cause is nearer to it.
-No table of a database and no engine knows these numbers: one goes with a finding's row while causes compete, and goes
-out of it with the catalogue's nearest law in its place.
+what it is asked for, over a knee. Waves that come twice as often as well: a motor's ripple does so, and a gear's
+error, of which inertia makes four times as much. Then the catalogue's law leaves most of the gap, or another cause is
+nearer to it. No table of a database and no engine knows these numbers: they go with a finding's row while causes
+compete, and go out of it with the catalogue's nearest law in its place.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -21,8 +23,9 @@ from .model import Rows
 
 Vector = NDArray[np.float64]
 
-# beside the columns of a row: of a spring [1/rad^2 or 1/m^2], of a torque limit its knee's width, in limits
-STIFFENING, KNEE = "stiffening", "knee"
+# beside the columns of a row: of a spring [1/rad^2 or 1/m^2], of a torque limit its knee's width, in limits, of a wave
+# how large it comes twice as often, in its amplitudes, and with which phase [rad]
+STIFFENING, KNEE, SECOND, SECOND_PHASE = "stiffening", "knee", "second", "second_phase"
 # the columns that are springs
 SPRINGS: Mapping[str, tuple[str, ...]] = {
     "joint_compliance": ("stiffness",),
@@ -30,10 +33,13 @@ SPRINGS: Mapping[str, tuple[str, ...]] = {
     "link_flexibility": ("ku", "kv"),
 }
 LIMIT = "torque_limit"
+# the effects that go round with a position
+WAVES = ("torque_ripple", "transmission_error")
 # what each effect may have
-_NUMBERS = {**dict.fromkeys(SPRINGS, STIFFENING), LIMIT: KNEE}
-# between what they may be; a wider knee bends the torque where there is none of it
-RANGES = {STIFFENING: (0.0, np.inf), KNEE: (0.0, 0.2)}
+_NUMBERS = {**dict.fromkeys(SPRINGS, STIFFENING), LIMIT: KNEE, **dict.fromkeys(WAVES, SECOND)}
+# between what they may be; a wider knee bends the torque where there is none of it, and of a wave that comes more twice
+# as often than as often, that is what comes
+RANGES = {STIFFENING: (0.0, np.inf), KNEE: (0.0, 0.2), SECOND: (0.0, 1.0), SECOND_PHASE: (-np.inf, np.inf)}
 # (effect, number of its place, its number beyond the catalogue) of each row that has one
 Beyond = tuple[tuple[str, int, float], ...]
 
@@ -51,6 +57,29 @@ def beyond_of(rows: Rows) -> Beyond:
 def number_of(effect: str, row: EffectRow) -> float:
     """A row's number beyond the catalogue's law; 0 where it has none."""
     return row.values.get(_NUMBERS.get(effect, ""), 0.0)
+
+
+def how_many(effect: str) -> int:
+    """How many numbers an effect's law has beyond the catalogue's."""
+    return 2 if effect in WAVES else 1
+
+
+def with_harmonics(rows: Rows) -> Rows:
+    """Rows, every wave that comes twice as often as well followed by one that does."""
+    split = {effect: tuple(itertools.chain(*map(_harmonics, rows[effect]))) for effect in WAVES if effect in rows}
+    return {**rows, **split}
+
+
+def _harmonics(wave: EffectRow) -> tuple[EffectRow, ...]:
+    values = wave.values
+    if not values.get(SECOND, 0.0):
+        return (wave,)
+    twice = {
+        "amplitude": values[SECOND] * values["amplitude"],
+        "cycles": 2.0 * values["cycles"],
+        "phase": values[SECOND_PHASE],
+    }
+    return wave, EffectRow(wave.at, twice)
 
 
 def of_springs(beyond: Beyond) -> Beyond:

@@ -35,7 +35,7 @@ from .diagnosis import (
 from .doubts import doubted, doubts_of
 from .experiment import Experiment, design
 from .fit import blocks
-from .forms import SOFTLY_SAID, STIFFENS_SAID
+from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
@@ -103,7 +103,7 @@ NEAREST_HELPS_NOT = (
     "the cause is found, and the corrected model is not."
 )
 # of each law beyond the catalogue's, the one that engines have
-NEAREST = {STIFFENS_SAID: "straight spring", SOFTLY_SAID: "limit that cuts"}
+NEAREST = {STIFFENS_SAID: "straight spring", SOFTLY_SAID: "limit that cuts", TWICE_SAID: "plain wave"}
 GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .beyond import KNEE, cut_softly
+from .beyond import KNEE, by_catalogue, cut_softly
 from .evidence import coefficients
 from .hypotheses import BODIES
 from .inverse import Said
@@ -254,7 +254,7 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     inertia makes the harmonic four times as large, so that it may be the part that was found.
     """
     item = found[k]
-    values = item.row.values
+    values = by_catalogue(item.row).values
     nothing = problem.misfit(rows_of([one for j, one in enumerate(found) if j != k]))
 
     def wave(part: float, cycles: float, phase: float) -> Vector:

@@ -16,7 +16,7 @@ from ..errors import RefusedError
 from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
-from .beyond import KNEE, LIMIT
+from .beyond import KNEE, LIMIT, WAVES
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
@@ -491,7 +491,7 @@ class Judge:
         bends, beyond = held.unseen.beyond, None
         if bends < MOST_LEFT and held.open * bends < LITTLE:
             place = next(k for k, number in enumerate(held.unseen.numbers_beyond) if number)
-            said = SOFTLY_SAID if held.found[place].effect == LIMIT else STIFFENS_SAID
+            said = _said(held.found[place].effect)
             beyond = Bent(bends, place, said)
             if held.open * bends < OTHER_FORM:
                 return beyond
@@ -775,6 +775,13 @@ def _idle(
     harmless = total > OTHER_FORM and sure[0] > -HARMS
     plain = (total > PLAINLY or harmless) and gain >= BEYOND_DOUBT
     return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
+
+
+def _said(effect: str) -> str:
+    """What is said of an effect whose law goes beyond the catalogue's."""
+    if effect in WAVES:
+        return TWICE_SAID
+    return SOFTLY_SAID if effect == LIMIT else STIFFENS_SAID
 
 
 def _as_found(item: Found, row: EffectRow) -> Found:

@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
-from .beyond import KNEE, LIMIT, SPRINGS, STIFFENING, by_catalogue, number_of
+from .beyond import (
+    KNEE,
+    LIMIT,
+    RANGES,
+    SECOND,
+    SECOND_PHASE,
+    SPRINGS,
+    STIFFENING,
+    WAVES,
+    by_catalogue,
+    number_of,
+)
 from .fit import Part, gained, spread
 from .hypotheses import clamped
 from .inverse import stretch_of
@@ -48,7 +59,7 @@ def beyond_catalogue(
     item: Found,
     before: float,
 ) -> Refined:
-    """The fit with a spring that stiffens or a limit that has a knee, where that leaves clearly less; else itself.
+    """The fit with a law beyond the catalogue's, where that leaves clearly less; else itself.
 
     Args:
         problem: The question.
@@ -63,8 +74,9 @@ def beyond_catalogue(
     if not 0.0 < left < loud or number_of(item.effect, fit.rows[item.key]):
         # it explains all, or nothing, or has another law already
         return fit
-    if item.effect == LIMIT:
-        other = with_knee(problem, whiten, found, fit, parts, item)
+    if item.effect == LIMIT or item.effect in WAVES:
+        with_more = with_knee if item.effect == LIMIT else as_harmonic
+        other = with_more(problem, whiten, found, fit, parts, item)
         sigma = spread(other.left, parts)
         plain = gained(fit.left, other.left, sigma, parts) >= EARNS
         return other if plain and _above(other) < ANOTHER * left else fit
@@ -92,13 +104,46 @@ def with_knee(
     return _best_from(problem, whiten, found, fit, parts, item, begun)
 
 
+def as_harmonic(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    fit: Refined,
+    parts: Sequence[Part],
+    item: Found,
+) -> Refined:
+    """The fit with a wave that comes half as often, and of which what was found is what comes twice as often as well.
+
+    Itself where there is none so large: where the wave that was found is the larger part, the other is no more than
+    another form of its law.
+    """
+    row = fit.rows[item.key]
+    amplitude, cycles, phase = (row.values[name] for name in ("amplitude", "cycles", "phase"))
+    if 0.5 * cycles < problem.fewest_cycles(item.at):
+        return fit
+
+    def half(size: float, first: float) -> EffectRow:
+        values = {"amplitude": size * amplitude, "cycles": 0.5 * cycles, "phase": first}
+        return EffectRow(item.at, {**row.values, **values, SECOND: 1.0 / size, SECOND_PHASE: phase})
+
+    columns = [
+        left_with(problem, whiten, tables({**fit.rows, item.key: half(1.0, first)})) - fit.left
+        for first in (0.0, 0.5 * math.pi)
+    ]
+    sine, cosine = np.linalg.lstsq(np.column_stack(columns), -fit.left, rcond=None)[0].tolist()
+    size = math.hypot(sine, cosine)
+    if size < 1.0:
+        return fit
+    return _best_from(problem, whiten, found, fit, parts, item, [half(size, math.atan2(cosine, sine))])
+
+
 def straightened(
     problem: Problem, whiten: Whitening, found: Sequence[Found], fit: Refined, parts: Sequence[Part]
 ) -> Refined:
     """The fit with the catalogue's laws in the place of those beyond it; itself where it has none.
 
-    A spring that stiffens gets the straight one that is nearest, and a limit with a knee one that cuts where it comes
-    to: of a lower one simulation tells more than the motion.
+    A spring that stiffens gets the straight one that is nearest, a limit with a knee one that cuts where it comes to
+    (of a lower one simulation tells more than the motion), and a wave goes without what comes twice as often.
     """
     springs = [item for item in found if STIFFENING in fit.rows[item.key].values]
     rows = {key: by_catalogue(row) if key[0] in SPRINGS else row for key, row in fit.rows.items()}
@@ -116,15 +161,15 @@ def straightened(
         rows[item.key] = min(chords, key=lambda row, key=item.key: leaves({**rows, key: row}))
     if springs:
         fit = refined(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
-    return _cutting(problem, whiten, fit)
+    return _without_more(problem, whiten, fit)
 
 
-def _cutting(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:
-    """The fit with limits that cut where those with a knee come to; itself where it has none."""
-    kept = [k for k, (_, _, name) in enumerate(fit.free) if name != KNEE]
+def _without_more(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:
+    """The fit with limits that cut where those with a knee come to, and plain waves; itself where all of it is so."""
+    kept = [k for k, (_, _, name) in enumerate(fit.free) if name not in RANGES]
     if len(kept) == len(fit.free):
         return fit
-    rows = {key: by_catalogue(row) if key[0] == LIMIT else row for key, row in fit.rows.items()}
+    rows = {key: by_catalogue(row) for key, row in fit.rows.items()}
     return replace(
         fit,
         rows=rows,

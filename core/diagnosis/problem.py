@@ -16,7 +16,7 @@ from ..effects import EffectRow
 from ..errors import MbexportError
 from ..recording import Run
 from ..representation import Inertia, Robot
-from .beyond import beyond_of
+from .beyond import beyond_of, with_harmonics
 from .evidence import Evidence, gather
 from .inverse import Said, said
 from .model import Rows, level_rows, merged
@@ -52,7 +52,7 @@ class Problem:
 
     def robots(self, rows: Rows) -> list[Robot]:
         """The robot with these rows beside (or instead of) the known ones, one a run."""
-        every = merged(self.known, rows)
+        every = with_harmonics(merged(self.known, rows))
         made: dict[int, Robot] = {}
         for body in self.bodies:
             if id(body) not in made:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .beyond import RANGES
+from .beyond import RANGES, SECOND_PHASE
 from .fit import Part, spread
 from .model import Rows, tables
 from .nuisances import Whitening
@@ -340,9 +340,9 @@ def _size(item: Found, name: str, way: float) -> float:
     """
     values = item.row.values
     value = abs(values[name])
-    if name in RANGES:
+    if name in RANGES and name != SECOND_PHASE:
         return value
-    if name in ("rest", "phase"):
+    if name in ("rest", "phase", SECOND_PHASE):
         return max(value, way if name == "rest" else 1.0, 1e-9)
     unit = {c.name: c.unit for c in effect_named(item.effect).columns}
     same = [abs(values[c]) for c, u in unit.items() if u == unit[name] and np.isfinite(values[c])]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from ..errors import MbexportError
 from ..parallel import side_by_side
-from .beyond import SPRINGS, number_of
+from .beyond import SPRINGS, how_many, number_of
 from .fit import Linear, Part, blocks, edges_of, gained, linear, spread, takes_the_same
 from .hypotheses import (
     BODIES,
@@ -828,8 +828,8 @@ def _by_own_noise(state: Search, tried: Sequence[tuple[float, Found, Refined]], 
 
 
 def _numbers_beyond(fit: Refined, item: Found) -> int:
-    """One number more for a law beyond the catalogue's, 0 for one of it."""
-    return int(number_of(item.effect, fit.rows[item.key]) > 0.0)
+    """How many numbers more a law beyond the catalogue's has, 0 for one of it."""
+    return how_many(item.effect) * int(number_of(item.effect, fit.rows[item.key]) > 0.0)
 
 
 def _spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:

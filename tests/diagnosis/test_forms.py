@@ -10,11 +10,14 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
+from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import Judge
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.other_laws import as_harmonic, straightened
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.search import Found, Search, search
 from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
@@ -212,3 +215,40 @@ def test_a_cause_that_the_measured_motion_speaks_against_is_not_the_whole_one():
     open_still = _unexplained("partly_explained", None, held, None, left)
     assert (open_still.share, open_still.joints) == (0.6, {"joint_1": 1.0})
     assert "controller hides" in open_still.looks_like
+
+
+def test_a_gears_error_is_found_behind_its_harmonic_and_so_is_what_stands_beside_it():
+    """Inertia makes three times as much of the harmonic, which is picked first."""
+    wobbles = gear(2.0e-4, 1.5e-4)
+    runs = [
+        pendulum_run("motion", lambda t, q, dq: wobbles(t, q, dq) + 0.02 * math.tanh(dq / 1e-3), seed=k) for k in (1, 2)
+    ]
+    asked = problem(load("pendulum"), "rigid", runs)
+    whiten = whitening(asked)
+    state = Search(asked, whiten)
+    state.begin()
+    rows = {item.effect: item.row.values for item in search(state).found}
+    assert set(rows) == {"transmission_error", "coulomb_friction"}
+    wave = rows["transmission_error"]
+    assert wave["cycles"] == pytest.approx(20.0, rel=2e-3)
+    # the weight that an error moves is not in what was recorded here
+    assert wave["amplitude"] == pytest.approx(2.0e-4, rel=0.15)
+    assert wave["second"] == pytest.approx(0.75, rel=0.15)
+    assert rows["coulomb_friction"]["torque"] == pytest.approx(0.02, rel=0.1)
+    # of which a database and engines know nothing: two numbers beyond the catalogue's go
+    parts = blocks(asked.evidence)
+    fit = refined(asked, whiten, state.found, parts)
+    plain = straightened(asked, whiten, state.found, fit, parts)
+    assert len(plain.free) == len(fit.free) - 2
+    assert set(plain.rows["transmission_error", 1].values) == {"amplitude", "cycles", "phase"}
+    assert float(plain.left @ plain.left) > 2.0 * float(fit.left @ fit.left)
+
+
+@pytest.mark.parametrize(("second", "cycles"), [(0.0, 40.0), (0.3, 20.0)])
+def test_a_plain_wave_is_no_harmonic(second, cycles):
+    """Where nothing comes half as often, or what does was found already."""
+    row = EffectRow(1, {"amplitude": 1.5e-4, "cycles": cycles, "phase": 1.1 if cycles == 40.0 else 0.3})
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion", gear(second * 1e-3, 1.5e-4), seed=1)])
+    whiten, parts, item = whitening(asked), blocks(asked.evidence), Found("transmission_error", 1, row, 100.0)
+    fit = refined(asked, whiten, [item], parts)
+    assert as_harmonic(asked, whiten, [item], fit, parts, item) is fit
