@@ -16,11 +16,11 @@ from ..errors import RefusedError
 from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
-from .beyond import KNEE, LIMIT, WAVES
+from .beyond import KNEE, LIMIT
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
-from .forms import HALF_SAID, SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID, is_wave, torque_column
+from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave, torque_column
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, corrected, how_far, name_of
 from .hypotheses import GIVING
@@ -491,8 +491,7 @@ class Judge:
         bends, beyond = held.unseen.beyond, None
         if bends < MOST_LEFT and held.open * bends < LITTLE:
             place = next(k for k, number in enumerate(held.unseen.numbers_beyond) if number)
-            said = _said(held.found[place].effect)
-            beyond = Bent(bends, place, said)
+            beyond = Bent(bends, place, BEYOND_SAID[held.found[place].effect])
             if held.open * bends < OTHER_FORM:
                 return beyond
         if held.adequate:
@@ -775,13 +774,6 @@ def _idle(
     harmless = total > OTHER_FORM and sure[0] > -HARMS
     plain = (total > PLAINLY or harmless) and gain >= BEYOND_DOUBT
     return item if helps[least] < 0.0 or (sure[0] <= 0.0 and not plain) else None
-
-
-def _said(effect: str) -> str:
-    """What is said of an effect whose law goes beyond the catalogue's."""
-    if effect in WAVES:
-        return TWICE_SAID
-    return SOFTLY_SAID if effect == LIMIT else STIFFENS_SAID
 
 
 def _as_found(item: Found, row: EffectRow) -> Found:

@@ -144,13 +144,11 @@ class Heard:
     """A channel's clean stretches as they are heard by themselves.
 
     Attributes:
-        white: Variance that is there at least and is white.
         upper: What of it is noise alone; None where too few stretches moved.
         alone: Its noise, by the order that pays for itself.
         curve: -2 log likelihood of every slope that is tried, shape (k,); None where no model of order 1 may do.
     """
 
-    white: float
     upper: _Upper | None
     alone: Coloured
     curve: Vector | None
@@ -169,7 +167,7 @@ def heard(channels: Sequence[tuple[Vector, float]]) -> list[Heard]:
         alone = Coloured(white, np.zeros(0)) if upper is None else _best_order(upper)
         # a longer memory than one sample is a sensor of its own kind
         ordinary = upper is not None and len(alone.ar) in (0, 1, _LONG)
-        out.append(Heard(white, upper, alone, _curve(upper) if upper is not None and ordinary else None))
+        out.append(Heard(upper, alone, _curve(upper) if upper is not None and ordinary else None))
     return out
 
 
