@@ -78,6 +78,14 @@ def found(asked):
     return search(state), whiten
 
 
+def having(asked, whiten, parts, findings):
+    """A search that has found these."""
+    state = Search(asked, whiten)
+    state.begin()
+    state.take(findings, refined(asked, whiten, findings, parts))
+    return state
+
+
 def test_a_perfect_model_leaves_unit_noise_and_nothing_is_found():
     asked = question()
     state, _ = found(asked)
@@ -180,9 +188,7 @@ def test_a_name_that_says_more_beside_the_others_is_put_in_the_place_of_one_pick
         Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
         Found("torque_constant", 1, EffectRow(1, {"gain": 0.96}), 50.0, EffectRow(1, {"gain": 1.0})),
     ]
-    state = Search(asked, whiten)
-    state.begin()
-    state.take(both, refined(asked, whiten, both, parts))
+    state = having(asked, whiten, parts, both)
     before = float(state.left @ state.left)
     assert _swapped(state, parts)
     assert {item.effect for item in state.found} & {"payload", "link_inertia"}
@@ -240,9 +246,7 @@ def test_a_plain_name_that_explains_something_else_takes_no_ones_place(monkeypat
         Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
         Found("joint_spring", 1, EffectRow(1, {"stiffness": 1.0, "rest": 0.4}), 50.0, NO_SPRING),
     ]
-    state = Search(asked, whiten)
-    state.begin()
-    state.take(both, refined(asked, whiten, both, parts))
+    state = having(asked, whiten, parts, both)
     loud, fitted, left_of = 1e5 * np.ones(len(state.left)), refined, left_with
     offset = Hypothesis("torque_offset", 1, "", lambda beta: {"torque": 0.1}, np.ones(1), np.zeros(1))
     contender = Contender(offset, 90.0, 1.0, np.ones(1), np.zeros(len(loud)), 1.0)
@@ -268,9 +272,7 @@ def test_one_cause_with_more_numbers_than_two_must_say_more_than_they_do(monkeyp
         Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
         Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0, EffectRow(1, {"coefficient": 0.0})),
     ]
-    state = Search(asked, whiten)
-    state.begin()
-    state.take(both, refined(asked, whiten, both, parts))
+    state = having(asked, whiten, parts, both)
     values = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.01)
     one = Hypothesis("kinematic_error", 1, "all", lambda beta: values, np.ones(5), np.zeros(5))
     state.first = [Contender(one, 90.0, 1.0, np.ones(5), state.left, 1.0)]
@@ -310,9 +312,7 @@ def test_more_numbers_of_a_finding_in_the_place_of_another_are_no_second_one(mon
         Found("link_inertia", 1, body, 50.0, EffectRow(1, dict.fromkeys(COLUMNS, 0.0))),
         Found("torque_offset", 1, EffectRow(1, {"torque": 0.1}), 50.0, EffectRow(1, {"torque": 0.0})),
     ]
-    state = Search(asked, whiten)
-    state.begin()
-    state.take(both, refined(asked, whiten, both, parts))
+    state = having(asked, whiten, parts, both)
     trials = []
     fuller = Hypothesis("link_inertia", 1, "all", lambda beta: dict(body.values), np.ones(1), np.zeros(1))
     contender = Contender(fuller, 90.0, 1.0, np.ones(1), state.left, 1.0)
