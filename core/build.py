@@ -154,7 +154,7 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
                     f"{drive.inertia!r} and {arm_inertia!r}; state its stiffness and damping, or the inertia."
                 )
             spring = _contact(drive.spring, drive.inertia, arm_inertia)
-            drive = replace(drive, spring=spring)
+            drive = replace(drive, spring=replace(spring, stands_in=spring.gap == 0.0 and wobbles(drive)))
             notes.append(
                 f"{stage.joint.name}: its contact has stiffness {spring.stiffness!r} and damping {spring.damping!r}"
             )
@@ -189,6 +189,11 @@ def _contact(spring: Spring, motor: float, arm: float) -> Spring:
     k = spring.stiffness if math.isfinite(spring.stiffness) else (2 * math.pi * CONTACT_FREQUENCY) ** 2 * reduced
     b = spring.damping if math.isfinite(spring.damping) else 2 * CONTACT_DAMPING_RATIO * math.sqrt(k * reduced)
     return replace(spring, stiffness=k, damping=b)
+
+
+def wobbles(drive: Drive) -> bool:
+    """Whether a drive has a gear whose error comes and goes."""
+    return any(term.kind == "error" for term in drive.terms)
 
 
 def sticks(drive: Drive) -> bool:

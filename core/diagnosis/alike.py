@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..effects import EffectRow, effect_named
+from ..effects import EffectRow
 from .beyond import SPRINGS, STIFFENING
 from .fit import blocks, gained, spread, takes_the_same
 from .hypotheses import clamped, defaults, possible, twins_of
@@ -36,8 +36,8 @@ Vector = NDArray[np.float64]
 TRIED = 5
 # a first look by signatures may be off by this much of the gap's energy; of what is linear, this much
 FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
-# and springs that are as stiff as one that was found
-MOST_SPRINGS = 3
+# and springs about as stiff as one that was found: how many, and by what times its stiffness
+MOST_SPRINGS, ABOUT = 3, (0.4, 1.0, 2.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,9 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         other = refined(problem, whiten, trial, parts)
         if STIFFENING in item.row.values:
             other = beyond_catalogue(problem, whiten, trial, other, parts, one, float(state.left @ state.left))
-        worse = gained(other.left, fit.left, sigma, parts) + _numbers(key[0]) - _numbers(item.effect)
+        more = len(other.numbers_of(key)) - len(fit.numbers_of(item.key))
+        # two nats a number, as in the search
+        worse = gained(other.left, fit.left, sigma, parts) + 2.0 * more
         leaves = (float(other.left @ other.left) - whole) / energy
         named = replace(one, row=other.rows[key])
         if one_body(problem, key, item.key):
@@ -130,17 +132,18 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             continue
         if without_bodies(problem, [named]) or never_slipping(problem, [named]):
             continue
-        # what says much more, or takes something else away, is no other name for it
+        # what takes something else away is no other name for it
         same = takes_the_same(state.left, fit.left, other.left, sigma)
-        if same and (abs(worse) < ALIKE or abs(leaves) < ALIKE_SHARE):
+        if same and (worse < ALIKE or leaves < ALIKE_SHARE):
             out.append(Alike(named, worse, leaves))
     return tuple(sorted(out, key=lambda one: (one.worse, one.found.effect, one.found.at)))
 
 
 def _springs_instead(problem: Problem, item: Found) -> list[Found]:
-    """Drives, bearings and arms as stiff as a spring that was found: what gives beside it rings nearly as it does.
+    """Drives, bearings and arms about as stiff as a spring that was found: they ring nearly as it does.
 
-    Signatures of springs hold near their own stiffness only, and those were hardly tried there.
+    Signatures of springs hold near their own stiffness only, and those were hardly tried there. One before it turns
+    more with the same stiffness than it does, and is harder where it rings as fast.
     """
     values = item.row.values
     ways = [
@@ -155,13 +158,13 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
     out: list[Found] = []
     for effect, columns in TURNING.items():
         each = ways if effect == "joint_compliance" else [(k, b)]
-        for (stiffness, damping), at in itertools.product(each, range(1, problem.database.n + 1)):
+        for (stiffness, damping), at, times in itertools.product(each, range(1, problem.database.n + 1), ABOUT):
             turns = effect != "joint_compliance" or problem.database.joints[at - 1].kind == "revolute"
             if not turns or clamped(problem, at) or not possible(problem, effect, at):
                 continue
             if problem.row_at(effect, at, {}) is None:
                 row = defaults(effect) | plain
-                row |= dict.fromkeys(columns, stiffness) | {DAMPING[name]: damping for name in columns}
+                row |= dict.fromkeys(columns, times * stiffness) | {DAMPING[name]: times * damping for name in columns}
                 out.append(Found(effect, at, EffectRow(at, row), item.gain))
     return out
 
@@ -169,8 +172,3 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
 def one_body(problem: Problem, one: tuple[str, int], other: tuple[str, int]) -> bool:
     """Whether two names are of one body, which no motion tells apart."""
     return {one, other} == twins_of(problem)
-
-
-def _numbers(effect: str) -> float:
-    """What an effect pays for its numbers: two nats each, as in the search."""
-    return 2.0 * sum(column.default is None for column in effect_named(effect).columns)

@@ -505,7 +505,8 @@ def _backlash(problem: Problem, scales: Scales, name: str, at: int, known: Value
         # of the motor's way there
         size = 0.2 * float(scales.way[at - 1])
     forms: list[Hypothesis] = []
-    for part in (0.3, 1.0, 3.0):
+    # a good gear's play is a minute of arc
+    for part in (0.1, 0.3, 1.0, 3.0):
 
         def values(beta: Vector, part: float = part) -> Values | None:
             return start | {"gap": max((start["gap"] if known else 0.0) + part * size + float(beta[0]), 0.0)}

@@ -25,8 +25,6 @@ from .prepare import Prepared
 
 Vector = NDArray[np.float64]
 
-# a gear's contact whose resonance lies so far above what is compared is rigid there
-STIFF = 3.0
 # full at so many times the speed by which it is smoothed: tanh(5) = 0.9999
 FULL = 5.0
 # of its largest torque, a motor with less bears little
@@ -384,16 +382,14 @@ def _arms(
     springs = [stage.drive.spring for stage in robot.stages]
     if not any(springs):
         return theta, dtheta, ddtheta
-    own = np.diagonal(arms.mass_matrix(theta[:1])[0])
-    soft = np.array(
-        [_gives(stage.drive, float(inertia), run.band) for stage, inertia in zip(robot.stages, own, strict=True)]
-    )
+    soft = np.array([_gives(stage.drive) for stage in robot.stages])
     soft[list(clamped)] = False
     if not soft.any():
         return theta, dtheta, ddtheta
     stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])
     damping = np.array([spring.damping if spring else 0.0 for spring in springs])
     half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
+    own = np.diagonal(arms.mass_matrix(theta[:1])[0])
     # a contact that the record cannot follow would throw the arm back harder than it came
     most = np.where(half_gap > 0.0, own * elastic.FOLLOWED / run.h**2, math.inf)
     damping = np.where(
@@ -432,13 +428,9 @@ def _arms(
     return q, dq, ddq
 
 
-def _gives(drive: Drive, inertia: float, band: float) -> bool:
+def _gives(drive: Drive) -> bool:
     """Whether a spring is one of the robot: the stiff contact that engines need for a wobbling gear is none."""
-    spring = drive.spring
-    if spring is None:
-        return False
-    wobbles = any(term.kind == "error" for term in drive.terms)
-    return spring.gap > 0.0 or not wobbles or spring.stiffness < inertia * (2.0 * math.pi * STIFF * band) ** 2
+    return drive.spring is not None and not drive.spring.stands_in
 
 
 @lru_cache(maxsize=_REMEMBERED)

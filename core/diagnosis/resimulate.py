@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..control import Control
 from ..errors import RefusedError
 from ..expansion import expanded
-from ..kinematics import dynamics
+from ..kinematics import dynamics, jacobian
 from ..motion import MotionLaw, from_table, hold
 from ..recording import Run
 from ..recording.run import MEASURED
@@ -341,14 +341,14 @@ def _simulated(
         step=step,
         start=start,
         nominal=nominal,
-        without=_unseen(run),
+        without=_unseen(run, robot),
     )
     if on_clock:
         # rows that are missing in the record were simulated too
-        return {name: values[rows.astype(np.int64)] for name, values in _signals(trace, run).items()}
+        return {name: values[rows.astype(np.int64)] for name, values in _signals(trace, run, robot).items()}
     # a given motion stops at once behind its end, which no spline may see
     known = trace.t <= (run.t[-1] + ON_CLOCK if control.mode == "motion" else np.inf)
-    signals = {name: values[known] for name, values in _signals(trace, run).items()}
+    signals = {name: values[known] for name, values in _signals(trace, run, robot).items()}
     return _at(run.t, trace.t[known], signals, held=control.mode == "pd")
 
 
@@ -400,9 +400,9 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
             step=step,
             start=start,
             torque=torque,
-            without=_unseen(run),
+            without=_unseen(run, robot),
         )
-        pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run), held=True))
+        pieces.append(_at(run.t[inside] - begin, trace.t, _signals(trace, run, robot), held=True))
     before = int(np.sum(run.t < edges[0] - ON_CLOCK))
     unknown = {name: np.full((before, *values.shape[1:]), np.nan) for name, values in pieces[0].items()}
     return {name: np.concatenate([unknown[name], *(piece[name] for piece in pieces)]) for name in pieces[0]}
@@ -439,21 +439,42 @@ def held_torque(run: Run, times: Vector) -> Vector:
     return commanded[np.clip(at, 0, len(commanded) - 1)]
 
 
-def _unseen(run: Run) -> list[str]:
+def _unseen(run: Run, robot: Robot) -> list[str]:
     """What a simulation need not record: the run has nothing to hold it against."""
     tool = run.has("ee") or run.has("ee_rot")
-    return [name for name, there in (("tau_link", run.has("tau_link")), ("tool", tool)) if not there]
+    passed = run.has("tau_link") or bool(_standing_in(robot).any())
+    return [name for name, there in (("tau_link", passed), ("tool", tool)) if not there]
 
 
-def _signals(trace: Trace, run: Run) -> dict[str, Vector]:
-    """Those signals of a trace that the run has."""
+def _standing_in(robot: Robot) -> Vector:
+    """What springs that stand for rigid connections give [rad/N m or m/N], 0 for all others, shape (n,)."""
+    springs = [stage.drive.spring for stage in robot.stages]
+    return np.array([1.0 / spring.stiffness if spring and spring.stands_in else 0.0 for spring in springs])
+
+
+def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
+    """Those signals of a trace that the run has, of a robot whose rigid connections are rigid.
+
+    An engine needs a spring where a rigid joint's gear wobbles. That spring is none of the robot's: what it gives under
+    what it bears is many times a second encoder's noise, and is taken off; the tool's part of it by the Jacobian.
+    """
     rotation: Any = import_module("scipy.spatial.transform").Rotation
 
     found = {name: trace.joints[name] for name in MEASURED if run.has(name) and name in trace.joints}
+    softness = _standing_in(robot)
+    given = softness * trace.joints["tau_link"] if softness.any() else None
+    if given is not None and "q_link" in found:
+        found["q_link"] = found["q_link"] + given
+    if not (run.has("ee") or run.has("ee_rot")):
+        return found
+    tip, turn = trace.tip, rotation.from_matrix(trace.tool_in_base[:, :3, :3])
+    if given is not None:
+        twist = (jacobian(robot, trace.joints["q_link"]) @ given[:, :, None])[:, :, 0]
+        tip, turn = tip + twist[:, :3], rotation.from_rotvec(twist[:, 3:]) * turn
     if run.has("ee"):
-        found["ee"] = trace.tip
+        found["ee"] = tip
     if run.has("ee_rot"):
-        found["ee_rot"] = rotation.from_matrix(trace.tool_in_base[:, :3, :3]).as_quat()[:, [3, 0, 1, 2]]
+        found["ee_rot"] = turn.as_quat()[:, [3, 0, 1, 2]]
     return found
 
 

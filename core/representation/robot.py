@@ -133,11 +133,13 @@ class Spring:
         stiffness: K [N m/rad or N/m].
         damping: b [N m s/rad or N s/m].
         gap: Whole clearance [rad or m]: T = 0 while |s| < gap / 2, and the damper never pulls.
+        stands_in: Whether it is none of the robot's, but what engines need where one without spring wobbles.
     """
 
     stiffness: float
     damping: float = 0.0
     gap: float = 0.0
+    stands_in: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,7 @@ from mbexport.core.diagnosis.refine import (
 )
 from mbexport.core.diagnosis.resonance import springs
 from mbexport.core.diagnosis.search import (
+    ALIKE,
     Contender,
     Found,
     Search,
@@ -1120,3 +1121,19 @@ def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
     assert ("viscous_friction", 2) not in {other.found.key for other in alike(state, [one], fit, one)}
     monkeypatch.setattr("mbexport.core.diagnosis.fit.SAME", -2.0)
     assert ("viscous_friction", 2) in {other.found.key for other in alike(state, [one], fit, one)}
+    # a name that says more of the same is one all the more
+    lesser = Found("coulomb_friction", 2, EffectRow(2, {"torque": 0.06}), 50.0)
+    names = alike(state, [lesser], refined(asked, state.whiten, [lesser], blocks(asked.evidence)), lesser)
+    assert any(other.worse < -ALIKE for other in names)
+
+
+def test_a_good_gears_play_is_within_a_factor_of_two_of_where_a_fit_begins():
+    """Begun at two minutes of arc a fit left more than nothing did, and a play of one was never tried."""
+    arm = load("planar2r")
+    q = 0.5 * np.sin(2.0 * np.arange(1001) / 250.0)[:, None] * (1.0, 0.8)
+    run = Run("swing", np.arange(1001) / 250.0, {"q": q, "tau": q}, Control("unknown"), {}, (), {}, "", (), 250.0)
+    asked = problem(arm, "rigid", [run])
+    plays = [one for one in hypotheses(asked, {}, scales_of(asked, {}), ()) if one.key == ("backlash", 1)]
+    begun = [one.rows(np.zeros(1))["backlash"][0].values["gap"] for one in plays]
+    minute = math.radians(1.0 / 60.0)
+    assert min(abs(math.log(gap / minute)) for gap in begun) < math.log(2.0)
