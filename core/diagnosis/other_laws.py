@@ -25,11 +25,11 @@ from .beyond import (
 )
 from .fit import Part, gained, spread
 from .hypotheses import clamped
-from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined, left_with, refined
+from .resonance import stretch_along
 
 if TYPE_CHECKING:
     from .search import Found
@@ -207,7 +207,8 @@ def _stiffer(problem: Problem, fit: Refined, item: Found) -> Iterator[EffectRow]
     columns = [name for name in SPRINGS.get(item.effect, ()) if math.isfinite(row.values[name])]
     if not columns or clamped(problem, item.at):
         return
-    stretch = _stretch(problem, fit, item)
+    straight = {key: by_catalogue(row) for key, row in fit.rows.items()}
+    stretch = stretch_along(problem, tables(straight), item.effect, item.at)
     if not stretch > 0.0:
         return
     for softer in SOFTER:
@@ -219,14 +220,3 @@ def _stiffer(problem: Problem, fit: Refined, item: Found) -> Iterator[EffectRow]
 def _above(fit: Refined) -> float:
     """Sum of squares above noise that a fit leaves."""
     return float(fit.left @ fit.left) - len(fit.left)
-
-
-def _stretch(problem: Problem, fit: Refined, item: Found) -> float:
-    """Root mean square stretch of a straight spring along all runs."""
-    robots = problem.robots(tables({key: by_catalogue(row) for key, row in fit.rows.items()}))
-    runs = problem.evidence.runs
-    squares = [
-        float(np.mean(stretch_of(robot, run, item.effect, item.at) ** 2))
-        for robot, run in zip(robots, runs, strict=True)
-    ]
-    return math.sqrt(float(np.mean(squares)))

@@ -30,6 +30,8 @@ from .sensed import noise_in
 
 Vector = NDArray[np.float64]
 
+# modes in which a simulation's motors move as they are told to
+IMPOSED = ("motion", "unknown")
 # torque alone lets a simulation drift away: it is begun anew from what was measured
 WINDOW = 0.5
 # a stamp may be so much of a tick before it and mean it
@@ -133,7 +135,7 @@ def resimulated(
 
 def steps_of(robot: Robot, run: Run, backend: Backend | str) -> float:
     """How many steps an engine takes to simulate a run: what is stiff and light asks for short ones."""
-    imposed = mode_of(run) in ("motion", "unknown")
+    imposed = mode_of(run) in IMPOSED
     whole = expanded(robot, imposed=imposed)
     poses = whole.spread(poses_of(robot, run.motion()))
     engine = backend_named(backend) if isinstance(backend, str) else backend
@@ -456,8 +458,10 @@ def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
     """Those signals of a trace that the run has, of a robot whose rigid connections are rigid.
 
     An engine needs a spring where a rigid joint's gear wobbles. That spring is none of the robot's: what it gives under
-    what it bears is many times a second encoder's noise, and is taken off; the tool's part of it by the Jacobian.
+    what it bears is many times a second encoder's noise, and is taken off; the tool's part of it by the Jacobian. Where
+    motors move as they are told to, so is what it takes to move the arms by so much, which makes more of quick torques.
     """
+    interpolate: Any = import_module("scipy.interpolate")
     rotation: Any = import_module("scipy.spatial.transform").Rotation
 
     found = {name: trace.joints[name] for name in MEASURED if run.has(name) and name in trace.joints}
@@ -465,6 +469,10 @@ def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
     given = softness * trace.joints["tau_link"] if softness.any() else None
     if given is not None and "q_link" in found:
         found["q_link"] = found["q_link"] + given
+    if given is not None and mode_of(run) in IMPOSED:
+        moved = interpolate.CubicSpline(trace.t, given)(trace.t, nu=2)
+        takes = (dynamics(robot).mass_matrix(trace.joints["q_link"]) @ moved[:, :, None])[:, :, 0]
+        found |= {name: found[name] + takes for name in ("tau", "tau_link") if name in found}
     if not (run.has("ee") or run.has("ee_rot")):
         return found
     tip, turn = trace.tip, rotation.from_matrix(trace.tool_in_base[:, :3, :3])

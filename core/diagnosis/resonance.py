@@ -11,14 +11,19 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from ..errors import MbexportError
+from .beyond import STIFFENING
 from .hypotheses import Hypothesis, Scales, Values, clamped, defaults, possible
-from .model import Rows
+from .inverse import stretch_of
+from .model import Rows, merged
 from .problem import Problem
 
 # how far each gives under its plain load: an angle [rad] or a part of its arm's length, each so many times the last
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
+# of springs that stiffen, by what part of itself one is stiffer at its root mean square stretch
+HARDER = (0.3, 1.0, 3.0)
 # what turns, by effect, and what damps it
 TURNING: Mapping[str, tuple[str, ...]] = {
     "joint_compliance": ("stiffness",),
@@ -67,3 +72,42 @@ def _spring(name: str, at: int, columns: tuple[str, ...], stiffness: float, iner
 
     one = np.ones(len(columns))
     return Hypothesis(name, at, f"{stiffness:.3g}", values, one, -np.inf * one, alone=False, curved=True)
+
+
+def stiffening(problem: Problem, rows: Rows, straight: Hypothesis) -> list[Hypothesis]:
+    """Springs as stiff as a straight one at that one's root mean square stretch beside these rows, and that stiffen.
+
+    One that stiffens rings nowhere as a straight one does, but gives about as far.
+    """
+    return [_stiffening(problem, rows, straight, harder) for harder in HARDER]
+
+
+def _stiffening(problem: Problem, rows: Rows, straight: Hypothesis, harder: float) -> Hypothesis:
+    columns = TURNING[straight.effect]
+
+    def values(beta: np.ndarray) -> Values | None:
+        row = straight.rows(np.zeros_like(straight.scale))
+        plain = straight.values(beta)
+        # looked for when it is asked for: of one that was tried before nobody asks
+        stretch = stretch_along(problem, merged(rows, row), straight.effect, straight.at) if row else 0.0
+        if plain is None or not stretch > 0.0:
+            return None
+        softer = {name: plain[name] / (1.0 + harder) for name in columns}
+        return {**plain, **softer, STIFFENING: harder / stretch**2}
+
+    form = f"{straight.form} stiffening {harder:g}"
+    return Hypothesis(straight.effect, straight.at, form, values, straight.scale, straight.lower, False, True)
+
+
+def stretch_along(problem: Problem, rows: Rows, effect: str, at: int) -> float:
+    """Root mean square stretch of the spring of an effect at a place along all runs [rad or m]; 0 of no such robot."""
+    try:
+        robots = problem.robots(rows)
+        runs = problem.evidence.runs
+        squares = [
+            float(np.mean(stretch_of(robot, run, effect, at) ** 2)) for robot, run in zip(robots, runs, strict=True)
+        ]
+    except MbexportError:
+        return 0.0
+    mean = math.sqrt(float(np.mean(squares)))
+    return mean if math.isfinite(mean) else 0.0

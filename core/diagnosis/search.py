@@ -41,7 +41,7 @@ from .other_laws import beyond_catalogue
 from .plain import LEAST_MASS, at_a_point
 from .problem import Problem
 from .refine import Refined, free_columns, left_with, refined, removal
-from .resonance import springs
+from .resonance import springs, stiffening
 
 Vector = NDArray[np.float64]
 
@@ -72,6 +72,9 @@ MUCH = 0.3
 LOUD = 5.0
 # part of the gap's energy for which they are not
 CRUMB = 0.05
+# part of it that a straight spring must take alone, or stiffening ones are tried; and where no other cause takes so
+# much either, they are the first to be
+RINGS = 0.3
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1
 # of a plain amount, what is none
@@ -289,6 +292,8 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
         before = list(state.found)
         out = sorted(set[tuple[str, int]]().union(*failed))
         picked = _picked(state, parts, most - len(before), out)
+        if picked and not before and not failed and (ringing := _rings_first(state, parts)):
+            picked = ringing
         if not picked and not let_go and (giving := _letting_go(state, parts)):
             # judged when there is something beside it
             let_go, kept = True, [*before, *giving]
@@ -874,16 +879,31 @@ def _loud(state: Search) -> float:
     return above if above > max(LOUD * math.sqrt(2.0 * count), CRUMB * first) else 0.0
 
 
+def _rings_first(state: Search, parts: Sequence[Part]) -> list[Found]:
+    """The spring that rings, where it takes a good part of the gap and no other cause alone does; none or one.
+
+    All that is picked before it would be made up of small parts of its noise.
+    """
+    if any(one.explains >= RINGS for one in state.first if one.earns and one.possible) or not (loud := _loud(state)):
+        return []
+    picked = _ringing(state, parts, ())
+    if not picked:
+        return []
+    left = left_with(state.problem, state.whiten, rows_of(picked))
+    return picked if _energy(state.left) - _energy(left) >= RINGS * loud else []
+
+
 def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]]) -> list[Found]:
     """The spring that explains most of what no signature does, where that is loud; none or one."""
     loud = _loud(state)
     if state.scales is None or not loud:
         return []
     options = springs(state.problem, rows_of(state.found), state.scales, {*state.out, *skip})
-    tried = sorted(
-        ((_energy(left), hypothesis, left) for hypothesis, left in _rung(state, options)),
-        key=lambda one: (one[0], one[1].key, one[1].form),
-    )
+    tried = _by_energy(_rung(state, options))
+    if not state.found and tried and _energy(state.left) - tried[0][0] < RINGS * loud:
+        # one that stiffens rings nowhere as straight ones do
+        bent = [bent for one in options for bent in stiffening(state.problem, {}, one)]
+        tried = _by_energy([*((one, left) for _, one, left in tried), *_rung(state, bent)])
     if not tried:
         return []
     sigma = spread(tried[0][2], parts)
@@ -898,10 +918,16 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
         )
         for energy, hypothesis, left in tried
     ]
-    # one that stiffens rings nowhere as straight ones do: where nothing else is there the nearest of them are tried
+    # where nothing else is there the nearest of them are tried
     good = [one for one in good if one.earns] or ([] if state.found else good)
     winner = _tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
+
+
+def _by_energy(rung: Sequence[tuple[Hypothesis, Vector]]) -> list[tuple[float, Hypothesis, Vector]]:
+    """Springs with what they leave, and its energy, those that leave least first."""
+    each = ((_energy(left), hypothesis, left) for hypothesis, left in rung)
+    return sorted(each, key=lambda one: (one[0], one[1].key, one[1].form))
 
 
 def _rung(state: Search, options: Sequence[Hypothesis]) -> list[tuple[Hypothesis, Vector]]:

@@ -1059,7 +1059,9 @@ def test_no_other_form_of_a_law_stands_at_a_limit():
 def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place():
     asked = question()
     arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5, "stiffening": 7.0}
-    drive, bearing, bend = _springs_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
+    tried = _springs_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
+    assert [item.row.values["stiffness"] for item in tried[:3]] == [360.0, 900.0, 2250.0]
+    drive, bearing, bend = tried[1::3]
     assert drive.key == ("joint_compliance", 1)
     assert drive.row.values == {"stiffness": 900.0, "damping": 0.5, "stiffening": 7.0}
     tilts = {"krx": 900.0, "kry": 900.0, "brx": 0.5, "bry": 0.5, "stiffening": 7.0}
@@ -1070,7 +1072,7 @@ def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place(
         asked, database=replace(asked.database, joints=(replace(asked.database.joints[0], kind="prismatic"),))
     )
     tried = _springs_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
-    assert [item.effect for item in tried] == ["joint_compliance_6d", "link_flexibility"]
+    assert [item.effect for item in tried] == ["joint_compliance_6d"] * 3 + ["link_flexibility"] * 3
     assert _springs_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
 
 
