@@ -11,12 +11,13 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis.beyond import STIFFENING, places
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import STIFFENS_SAID
-from mbexport.core.diagnosis.hypotheses import defaults
+from mbexport.core.diagnosis.hypotheses import defaults, scales_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.search import Found
+from mbexport.core.diagnosis.resonance import springs, stiffening
+from mbexport.core.diagnosis.search import RINGS, Found, Search, _rings_first
 from mbexport.core.effects import EffectRow
 from mbexport.core.expansion import expanded
 
@@ -137,6 +138,31 @@ def test_it_is_named_where_no_straight_spring_helps(omega, times):
     helps = answer.how_far.shrinks_by > 0.01
     assert any("the corrected model is not" in note for note in answer.notes) is not helps
     assert helps is (omega == 20.0)
+
+
+@pytest.mark.parametrize(("times", "straight"), [(0.0, True), (3.0, False)])
+def test_one_that_stiffens_rings_nowhere_as_a_straight_one_does(times, straight):
+    """Its weight makes it stiffer by so many times: it is found as it stiffens, before small parts of its noise are."""
+    values = {"stiffness": INERTIA * 12.0**2, "damping": 0.05}
+    stiffens = times / (WEIGHT / values["stiffness"]) ** 2
+    asked = problem(load("pendulum"), "rigid", [soft_run(**values, stiffening=stiffens, seed=seed) for seed in (1, 2)])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    state.scales = scales_of(asked, {})
+    loud = float(state.left @ state.left)
+
+    def least(options):
+        left = [state.whiten(asked.misfit(one.rows(np.zeros_like(one.scale)) or {})) for one in options]
+        return min(float(rest @ rest) for rest in left) / loud
+
+    drives = [one for one in springs(asked, {}, state.scales, ()) if one.effect == "joint_compliance"]
+    takes = least(drives) < 1.0 - RINGS
+    assert takes is straight
+    bent = [other for one in drives for other in stiffening(asked, {}, one)]
+    assert straight or least(bent) < 0.9 * least(drives)
+    (found,) = _rings_first(state, blocks(asked.evidence))
+    assert found.key == ("joint_compliance", 1)
+    assert (found.row.values.get(STIFFENING, 0.0) > 0.0) is not straight
 
 
 @pytest.mark.parametrize(
