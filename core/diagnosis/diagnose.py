@@ -36,7 +36,7 @@ from .doubts import doubted, doubts_of
 from .experiment import Experiment, design
 from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
-from .gap import LEVEL, Gap, gap_of, shows, shows_in_band
+from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
 from .model import Rows, level_rows, merged, robot_of
@@ -80,6 +80,10 @@ UNSEEN = (
 LEFT_UNSEEN = (
     "What is left stands in the held-out runs alone: the others show next to nothing of it where their joints move, "
     "and no fit could see its cause. Hold another run out, or record one more that moves alike."
+)
+PLAIN_ALONG = (
+    "Simulated under its controller the robot leaves no more than its noise makes there, but along the measured motion "
+    "what is left is far above noise: that is a gap."
 )
 UNHELD = (
     "The gap stands in runs that were fitted: {names} would explain it there, but the held-out runs do not excite it, "
@@ -230,16 +234,19 @@ class _Diagnosing:
             held, fit = self._in_line(state, judge, held, fit, every=not holdout)
             names = [named[item.key] for item in held.found]
         experiment = self._next(state, held.found, names)
-        seen_too = not len(whole.evidence.weights) or (shows_in_band if judge.by_bands else shows)(
-            whiten(whole.residual({})), blocks(whole.evidence)
-        )
+        along = whiten(whole.residual({})), blocks(whole.evidence)
+        seen_too = not len(whole.evidence.weights) or (shows_in_band if judge.by_bands else shows)(*along)
         if not len(whole.evidence.weights):
             notes.append(ALL_STAND)
         elif not (held.found or before.is_noise or seen_too or judge.by_bands):
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain
-        gap = numerical != "all" and not before.is_noise and seen_too and held.how_far.shrinks_by is not None
+        gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
+        drowned = numerical == "none" and not gap and not held.found and shows_plainly(*along)
+        if drowned:
+            notes.append(PLAIN_ALONG)
+        gap = numerical != "all" and (gap or drowned)
         unheld = [] if fitted.is_noise else _unheld(state.found, held)
         form, against = judge.other_form(held), judge.contradicted(held)
         verdict = _verdict(held, gap or bool(unheld), form, against)

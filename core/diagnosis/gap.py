@@ -21,6 +21,8 @@ Vector = NDArray[np.float64]
 LEVEL = 0.01
 # mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
+# of a channel, what no noise is known so badly as to leave
+PLAIN = 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +71,17 @@ def shows(left: Vector, parts: Sequence[Part]) -> bool:
     A controller that acts on its sensors' noise moves the robot by what no simulation knows, and nobody knows noise
     exactly; along the measured motion neither is a gap.
     """
-    return any(float(np.mean(left[a:b] ** 2)) > SHOWS for a, b in edges_of(parts)) or shows_in_band(left, parts)
+    return loudest_along(left, parts) > SHOWS or shows_in_band(left, parts)
+
+
+def shows_plainly(left: Vector, parts: Sequence[Part]) -> bool:
+    """Whether it does so beyond any doubt, though a simulation under a controller may hide it in that one's noise."""
+    return loudest_along(left, parts) > PLAIN
+
+
+def loudest_along(left: Vector, parts: Sequence[Part]) -> float:
+    """Largest mean square of a channel of what the measured motion takes, in units of noise; 0 without channels."""
+    return max((float(np.mean(left[a:b] ** 2)) for a, b in edges_of(parts)), default=0.0)
 
 
 def shows_in_band(left: Vector, parts: Sequence[Part]) -> bool:

@@ -15,6 +15,7 @@ from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.gap import Gap
 from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -485,3 +486,18 @@ def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_
     assert held.found == ()
     assert [item.why for item in held.dropped] == ["no gain on held-out data"]
     assert held.failed == {("encoder_offset", "joint_1")}
+
+
+@pytest.mark.parametrize(("size", "verdict"), [(0.0, "no_gap"), (0.5, "unexplained")])
+def test_a_gap_that_drowns_in_a_controllers_noise_is_one_where_the_measured_motion_shows_it(monkeypatch, size, verdict):
+    """A simulation was no worse than its noise floor, and what the motion left was ten times its noise."""
+    monkeypatch.setattr(Gap, "is_noise", property(lambda gap: True))
+    pushes = np.random.default_rng(7).normal(size=(2, 20))
+
+    def run(k):
+        return pendulum_run("pd", lambda t, q, dq: size * float(np.interp(t, np.arange(20) * 0.25, pushes[k])), seed=k)
+
+    runs = [run(0), run(1)]
+    answer = mbexport.diagnose(load("pendulum"), runs, level="rigid", backends=["mjcf"])
+    assert (answer.verdict, answer.which) == (verdict, ())
+    assert any("far above noise" in note for note in answer.notes) is (size > 0.0)
