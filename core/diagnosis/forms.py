@@ -37,7 +37,7 @@ _ASIDE = ("coulomb_friction", "stribeck_friction", "viscous_friction", "load_fri
 # laws that may go with another power of themselves
 _POWERS: dict[str, tuple[float, ...]] = {
     "viscous_friction": (2.0,),
-    "stribeck_friction": (0.5, 2.0),
+    "stribeck_friction": (0.25, 0.5, 2.0),
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }

@@ -12,7 +12,7 @@ from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
-from mbexport.core.diagnosis.held import Judge
+from mbexport.core.diagnosis.held import MOST_LEFT, Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import as_harmonic, straightened
 from mbexport.core.diagnosis.problem import problem
@@ -97,6 +97,22 @@ def test_a_waves_cycles_may_be_a_little_off_where_it_comes_twice_as_often_as_wel
 def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, its_own):
     form = other_form(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
     assert (form.leaves < 0.3) if its_own else (form.leaves > 0.8)
+
+
+@pytest.mark.parametrize(("power", "level", "its_own"), [(1.0, 0.0, False), (2.0, 0.1, True)])
+def test_what_stribecks_friction_of_another_power_leaves_is_no_coulomb_friction(power, level, its_own):
+    """What falls by e to the -|v| goes on where the catalogue's is long gone: dry friction was named for the rest."""
+
+    def rubs(t, q, dq):
+        return (0.5 * math.exp(-((abs(dq) / 0.5) ** power)) + level) * math.tanh(dq / 1e-2)
+
+    judge = judge_of(rubs)
+    both = [
+        Found("stribeck_friction", 1, EffectRow(1, {"torque": 0.45, "velocity": 0.6}), 90.0),
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.05}), 50.0),
+    ]
+    own = judged(judge.whole, judge.whiten, both, judge.ways).own[1]
+    assert (own >= MOST_LEFT) is its_own
 
 
 def lacks(given):
