@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -449,9 +450,27 @@ def _unseen(run: Run, robot: Robot) -> list[str]:
 
 
 def _standing_in(robot: Robot) -> Vector:
-    """What springs that stand for rigid connections give [rad/N m or m/N], 0 for all others, shape (n,)."""
+    """Whether a joint's spring stands for a rigid connection, shape (n,)."""
+    return np.array([bool(stage.drive.spring and stage.drive.spring.stands_in) for stage in robot.stages])
+
+
+def _given(robot: Robot, trace: Trace) -> tuple[Vector, Vector] | None:
+    """How far springs that stand for rigid connections give, and its second derivative; None where there are none.
+
+    To second order in how fast their dampers follow: s = T / K - (b / K) (T / K)'. Shapes (m, n) [rad or m].
+    """
+    interpolate: Any = import_module("scipy.interpolate")
+
+    there = _standing_in(robot)
+    if not there.any():
+        return None
     springs = [stage.drive.spring for stage in robot.stages]
-    return np.array([1.0 / spring.stiffness if spring and spring.stands_in else 0.0 for spring in springs])
+    pairs = [(spring.stiffness, spring.damping) if spring else (math.inf, 0.0) for spring in springs]
+    stiffness, damping = np.where(there, np.array(pairs).T, [[math.inf], [0.0]])
+    still = trace.joints["tau_link"] / stiffness
+    curve = interpolate.CubicSpline(trace.t, still)
+    given = still - damping / stiffness * curve(trace.t, nu=1)
+    return given, interpolate.CubicSpline(trace.t, given)(trace.t, nu=2)
 
 
 def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
@@ -461,23 +480,20 @@ def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
     what it bears is many times a second encoder's noise, and is taken off; the tool's part of it by the Jacobian. Where
     motors move as they are told to, so is what it takes to move the arms by so much, which makes more of quick torques.
     """
-    interpolate: Any = import_module("scipy.interpolate")
     rotation: Any = import_module("scipy.spatial.transform").Rotation
 
     found = {name: trace.joints[name] for name in MEASURED if run.has(name) and name in trace.joints}
-    softness = _standing_in(robot)
-    given = softness * trace.joints["tau_link"] if softness.any() else None
-    if given is not None and "q_link" in found:
-        found["q_link"] = found["q_link"] + given
-    if given is not None and mode_of(run) in IMPOSED:
-        moved = interpolate.CubicSpline(trace.t, given)(trace.t, nu=2)
-        takes = (dynamics(robot).mass_matrix(trace.joints["q_link"]) @ moved[:, :, None])[:, :, 0]
+    give = _given(robot, trace)
+    if give is not None and "q_link" in found:
+        found["q_link"] = found["q_link"] + give[0]
+    if give is not None and mode_of(run) in IMPOSED:
+        takes = (dynamics(robot).mass_matrix(trace.joints["q_link"]) @ give[1][:, :, None])[:, :, 0]
         found |= {name: found[name] + takes for name in ("tau", "tau_link") if name in found}
     if not (run.has("ee") or run.has("ee_rot")):
         return found
     tip, turn = trace.tip, rotation.from_matrix(trace.tool_in_base[:, :3, :3])
-    if given is not None:
-        twist = (jacobian(robot, trace.joints["q_link"]) @ given[:, :, None])[:, :, 0]
+    if give is not None:
+        twist = (jacobian(robot, trace.joints["q_link"]) @ give[0][:, :, None])[:, :, 0]
         tip, turn = tip + twist[:, :3], rotation.from_rotvec(twist[:, 3:]) * turn
     if run.has("ee"):
         found["ee"] = tip
