@@ -32,6 +32,15 @@ def fault_of(inertia: Inertia) -> str | None:
     return None
 
 
+def shortage_of(inertia: Inertia) -> float:
+    """By how much the largest principal moment is above the sum of the other two, as part of it; below 0 of a body.
+
+    So much more of every moment makes it one. Infinite where a moment is not positive.
+    """
+    low, middle, high = (float(moment) for moment in np.linalg.eigvalsh(inertia.tensor()))
+    return (high - low - middle) / high if low > 0.0 else np.inf
+
+
 def other_sign(inertia: Inertia) -> Inertia:
     """The tensor as the other convention of the products of inertia would read it."""
     return replace(inertia, xy=-inertia.xy, xz=-inertia.xz, yz=-inertia.yz)

@@ -200,7 +200,8 @@ def polished(
     if cost(now, x) >= before:
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
-    return replace(fit, rows=rows_at(fit, x), covariance=_widened(fit.covariance, scatter))
+    rows = problem.rounded_out(rows_at(fit, x))
+    return replace(fit, rows=rows, covariance=_widened(fit.covariance, scatter))
 
 
 def closing(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..build import assembled
 from ..database import Database
-from ..database.bodies import fault_of
+from ..database.bodies import TRIANGLE_SLACK, fault_of, shortage_of
 from ..effects import EffectRow
 from ..errors import MbexportError
 from ..recording import Run
@@ -19,7 +19,7 @@ from ..representation import Inertia, Robot
 from .beyond import beyond_of, with_harmonics
 from .evidence import Evidence, gather
 from .inverse import Said, said
-from .model import Rows, level_rows, merged
+from .model import Rows, level_rows, merged, tables
 
 Vector = NDArray[np.float64]
 # what a robot leaves that cannot be, in units of noise
@@ -30,6 +30,8 @@ FARTHEST = 1.0e9
 LEAST_CYCLES = 0.5
 # part of a wave that is one, on the whole way of its joint
 LEAST_WAVE = 0.75
+# part of an arm's largest moment that may be missing in the sum of the others, and what is put there beyond it
+ALMOST, SPARE = 0.01, 1.0e-4
 # an arm that is off by more [rad], or by more of all arms' length, is another robot's
 MOST_TURNED, MOST_MOVED = 0.5, 0.25
 
@@ -126,6 +128,31 @@ class Problem:
             else ""
             for stage, before in zip(there.stages, plain.stages, strict=True)
         )
+
+    def rounded_out(self, fitted: Mapping[tuple[str, int], EffectRow]) -> Mapping[tuple[str, int], EffectRow]:
+        """Rows with a little more of all moments of arms that are bodies but for so much; the same where none is so.
+
+        Of a flat arm, or one whose moments were published with few digits, hardly any mass can be taken, or put
+        elsewhere, without its moments being beyond what a body has; by so little nobody knows them.
+        """
+        heavy = {key: key[1] or self.database.n for key in sorted(fitted) if key[0] in ("link_inertia", "payload")}
+        if not heavy:
+            return fitted
+        try:
+            there = self.robots(tables(fitted))[0]
+        except MbexportError:
+            return fitted
+        rows, done = dict(fitted), set[int]()
+        for key, at in heavy.items():
+            inertia = there.stages[at - 1].arm.inertia
+            if at in done or inertia.mass <= 0.0 or not TRIANGLE_SLACK < (part := shortage_of(inertia)) <= ALMOST:
+                continue
+            done.add(at)
+            more = (part + SPARE) * float(np.linalg.eigvalsh(inertia.tensor())[-1])
+            values = fitted[key].values
+            wider = {name: values[name] + more for name in ("Ixx", "Iyy", "Izz")}
+            rows[key] = EffectRow(key[1], {**values, **wider})
+        return rows
 
     def row_at(self, effect: str, at: int, rows: Rows) -> EffectRow | None:
         """The row that stands for an effect at a place."""

@@ -191,9 +191,12 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
             break
         best = other
     rows = stiffened(problem, whiten, best.rows, parts)
-    if all(rows[key] is row for key, row in best.rows.items()):
+    if any(rows[key] is not row for key, row in best.rows.items()):
+        best = _within(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
+    whole = problem.rounded_out(best.rows)
+    if whole is best.rows or all(whole[key] is row for key, row in best.rows.items()):
         return best
-    return _within(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
+    return replace(best, rows=whole, left=left_with(problem, whiten, tables(whole)))
 
 
 def stiffened(

@@ -1129,6 +1129,29 @@ def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
     assert any(other.worse < -ALIKE for other in names)
 
 
+@pytest.mark.parametrize(("first", "a_body"), [(0.005, True), (0.2, False)])
+def test_an_arm_that_is_all_but_a_body_gets_what_its_moments_lack(first, a_body):
+    """A flat arm was no body with any mass elsewhere, and its neighbours were named for it."""
+    arm = load("planar2r")
+    flat = Inertia(1.0, (0.0, 0.1, 0.0), 0.01, 0.02, 0.03)
+    t = np.arange(1001) / 250.0
+    q = 0.5 * np.sin(2.0 * t)[:, None] * (1.0, 0.8)
+    run = Run("swing", t, {"q": q, "tau": q}, Control("unknown"), {}, (), {}, "", (), 250.0)
+    asked = problem(replace(arm, inertias=(flat, *arm.inertias[1:])), "rigid", [run])
+    key = ("link_inertia", 1)
+    moved = dict.fromkeys(("mass", "mx", "my", "mz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0) | {"mz": first}
+    row = EffectRow(1, moved)
+    assert asked.impossible({"link_inertia": (row,)})[0]
+    (whole,) = asked.rounded_out({key: row}).values()
+    assert (asked.impossible({"link_inertia": (whole,)})[0] == "") is a_body
+    more = [whole.values[name] - row.values[name] for name in ("Ixx", "Iyy", "Izz")]
+    assert more == [more[0]] * 3
+    assert 0.0 < more[0] < 0.011 * 0.03 if a_body else more[0] == 0.0
+    # a body stays as it is
+    sound = {key: EffectRow(1, moved | {"mz": 0.0, "Ixx": 0.001})}
+    assert asked.rounded_out(sound)[key] is sound[key]
+
+
 def test_a_good_gears_play_is_within_a_factor_of_two_of_where_a_fit_begins():
     """Begun at two minutes of arc a fit left more than nothing did, and a play of one was never tried."""
     arm = load("planar2r")
