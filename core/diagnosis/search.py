@@ -73,8 +73,8 @@ LOUD = 5.0
 # part of the gap's energy for which they are not
 CRUMB = 0.05
 # part of it that a straight spring must take alone, or stiffening ones are tried; and where no other cause takes so
-# much either, they are the first to be
-RINGS = 0.3
+# much either, they are the first to be. And where none takes as little as this, nothing rings
+RINGS, HINTS = 0.3, 0.0025
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1
 # of a plain amount, what is none
@@ -900,8 +900,8 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
         return []
     options = springs(state.problem, rows_of(state.found), state.scales, {*state.out, *skip})
     tried = _by_energy(_rung(state, options))
-    if not state.found and tried and _energy(state.left) - tried[0][0] < RINGS * loud:
-        # one that stiffens rings nowhere as straight ones do
+    if not state.found and tried and HINTS * loud <= _energy(state.left) - tried[0][0] < RINGS * loud:
+        # one that stiffens rings nowhere as straight ones do, but near them
         bent = [bent for one in options for bent in stiffening(state.problem, {}, one)]
         tried = _by_energy([*((one, left) for _, one, left in tried), *_rung(state, bent)])
     if not tried:
