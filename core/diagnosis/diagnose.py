@@ -52,6 +52,7 @@ from .resimulate import residuals, resimulated
 from .scores import scores
 from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, prune, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .tolerated import with_tolerances
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, place_in_words, variable_in_words
 
@@ -405,6 +406,9 @@ class _Diagnosing:
             whole = (state.problem, self.level, judge.runs, fit, self.backend)
             last = polished(*whole, far=far, known=judge.slopes) if every else numbers[0]
             fit = last or fit
+        else:
+            # numbers from simulation know of them
+            fit = with_tolerances(state.problem, state.whiten, fit, parts)
         fit = in_one_turn(with_moments(state.problem, state.whiten, doubted(fit, doubts), parts))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
 

@@ -73,16 +73,19 @@ class Whitening:
 
 def whitening(problem: Problem) -> Whitening:
     """The nuisances of a problem."""
+    tolerances = tolerance_columns(problem)
+    others = [*_shifts(problem), *_clamps(problem)]
+    names = [name for name, _ in (*_variations(problem.database, problem.database.tolerance), *others)]
+    return _whitening(tuple(names), np.column_stack([tolerances, *(column for _, column in others)]))
+
+
+def tolerance_columns(problem: Problem) -> Vector:
+    """The change of the residual for one standard deviation of every number of the database, shape (N, k)."""
     base = problem.residual({})
-    names: list[str] = []
-    columns: list[Vector] = []
-    for name, change in _variations(problem.database, problem.database.tolerance):
-        names.append(name)
-        columns.append(_varied(problem, change) - base)
-    for name, column in (*_shifts(problem), *_clamps(problem)):
-        names.append(name)
-        columns.append(column)
-    return _whitening(tuple(names), np.column_stack(columns) if columns else np.zeros((len(base), 0)))
+    columns = [
+        _varied(problem, change) - base for _, change in _variations(problem.database, problem.database.tolerance)
+    ]
+    return np.column_stack(columns) if columns else np.zeros((len(base), 0))
 
 
 def _whitening(names: tuple[str, ...], matrix: Vector) -> Whitening:
