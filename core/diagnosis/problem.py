@@ -138,6 +138,7 @@ class Problem:
         heavy = {key: key[1] or self.database.n for key in sorted(fitted) if key[0] in ("link_inertia", "payload")}
         if not heavy:
             return fitted
+        before = self.robots({})[0]
         try:
             there = self.robots(tables(fitted))[0]
         except MbexportError:
@@ -145,7 +146,11 @@ class Problem:
         rows, done = dict(fitted), set[int]()
         for key, at in heavy.items():
             inertia = there.stages[at - 1].arm.inertia
-            if at in done or inertia.mass <= 0.0 or not TRIANGLE_SLACK < (part := shortage_of(inertia)) <= ALMOST:
+            # what never was a body need not be one
+            if at in done or inertia.mass <= 0.0 or fault_of(before.stages[at - 1].arm.inertia):
+                continue
+            part = shortage_of(inertia)
+            if not TRIANGLE_SLACK < part <= ALMOST:
                 continue
             done.add(at)
             more = (part + SPARE) * float(np.linalg.eigvalsh(inertia.tensor())[-1])

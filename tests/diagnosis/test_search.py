@@ -1147,6 +1147,9 @@ def test_an_arm_that_is_all_but_a_body_gets_what_its_moments_lack(first, a_body)
     more = [whole.values[name] - row.values[name] for name in ("Ixx", "Iyy", "Izz")]
     assert more == [more[0]] * 3
     assert 0.0 < more[0] < 0.011 * 0.03 if a_body else more[0] == 0.0
+    # what was no body before need not be one
+    never = replace(asked.bodies[0], inertias=(replace(flat, zz=0.0302), *arm.inertias[1:]))
+    assert replace(asked, bodies=(never,)).rounded_out({key: row})[key] is row
     # a body stays as it is
     sound = {key: EffectRow(1, moved | {"mz": 0.0, "Ixx": 0.001})}
     assert asked.rounded_out(sound)[key] is sound[key]
