@@ -33,6 +33,8 @@ Vector = NDArray[np.float64]
 
 # modes in which a simulation's motors move as they are told to
 IMPOSED = ("motion", "unknown")
+# samples at a simulation's end that may know of what is behind it
+ENDS = 3
 # torque alone lets a simulation drift away: it is begun anew from what was measured
 WINDOW = 0.5
 # a stamp may be so much of a tick before it and mean it
@@ -468,9 +470,11 @@ def _given(robot: Robot, trace: Trace) -> tuple[Vector, Vector] | None:
     pairs = [(spring.stiffness, spring.damping) if spring else (math.inf, 0.0) for spring in springs]
     stiffness, damping = np.where(there, np.array(pairs).T, [[math.inf], [0.0]])
     still = trace.joints["tau_link"] / stiffness
-    curve = interpolate.CubicSpline(trace.t, still)
-    given = still - damping / stiffness * curve(trace.t, nu=1)
-    return given, interpolate.CubicSpline(trace.t, given)(trace.t, nu=2)
+    # a given motion stops at once behind its end, which no spline may see
+    inside = trace.t[:-ENDS]
+    curve = interpolate.CubicSpline(inside, still[:-ENDS])
+    at = np.minimum(trace.t, inside[-1])
+    return still - damping / stiffness * curve(at, nu=1), curve(at, nu=2)
 
 
 def _signals(trace: Trace, run: Run, robot: Robot) -> dict[str, Vector]:
