@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from .beyond import KNEE, LIMIT, SPRINGS, WAVES, by_catalogue, cut_softly
 from .evidence import coefficients
-from .hypotheses import BODIES
 from .inverse import Said
 from .nuisances import Whitening
-from .problem import Problem
+from .problem import BODIES, Problem
 from .search import Found, rows_of
 
 Vector = NDArray[np.float64]

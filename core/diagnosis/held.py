@@ -27,7 +27,7 @@ from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
-from .other_laws import straightened, with_knee
+from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
@@ -658,7 +658,8 @@ class Judge:
                 continue
             rows = {one.key: row for one, row in zip(found, unseen.rows[0], strict=True)}
             there = [replace(one, row=rows[one.key]) for one in found]
-            row = with_knee(part, whiten, there, refined(part, whiten, there, parts), parts, item).rows[item.key]
+            fit = refined(part, whiten, there, parts)
+            row = begun_from(part, whiten, there, fit, parts, item, with_knees(fit, item)).rows[item.key]
             softer = [*found[:k], replace(item, row=row), *found[k + 1 :]]
             other = judged(self.whole, self.whiten, softer, self.ways)
             if other.open * other.beyond < MOST_LEFT * unseen.open:

@@ -55,8 +55,6 @@ _TOGETHER = ((1, 1), (2, 1), (3, 1), (1, 2), (1, 3))
 TENSOR: tuple[str, ...] = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 # where no torque is measured only their product shows
 _SAME_UNSEEN = ("controller_gain", "torque_constant")
-# what weighs on every joint before it
-BODIES = ("link_inertia", "payload")
 # what lets a motor move before a clamped output
 GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 

@@ -10,7 +10,7 @@ from ..database import Database, FrozenMap
 from ..effects import EffectRow, effect_named
 from ..errors import UsageError
 from ..recording import Run
-from ..representation import Robot
+from ..representation import Robot, Stage
 
 Rows = Mapping[str, tuple[EffectRow, ...]]
 
@@ -31,25 +31,24 @@ def robot_of(database: Database, level: str, run: Run, effects: Rows | None = No
     robot = assembled(database, rows)
     if run.payload:
         robot = effect_named("payload").apply(robot, (EffectRow(0, FrozenMap(run.payload)),))
-    return _held(robot, rows)
+    return _held(robot)
 
 
-def _held(robot: Robot, rows: Rows) -> Robot:
+def _held(robot: Robot) -> Robot:
     """The robot, the contacts that stand for rigid gears with an error damped critically.
 
     As hard as play's, which rings on for many ticks, such a contact and a quick controller of a light motor drive each
     other to where no rigid gear goes.
     """
-    soft = {row.at for name in ("joint_compliance", "joint_compliance_6d", "backlash") for row in rows.get(name, ())}
-    stages = list(robot.stages)
-    for row in rows.get("transmission_error", ()):
-        stage = stages[row.at - 1]
+
+    def damped(stage: Stage) -> Stage:
         spring = stage.drive.spring
-        if spring is None or row.at in soft:
-            continue
-        damped = replace(spring, damping=spring.damping / CONTACT_DAMPING_RATIO)
-        stages[row.at - 1] = replace(stage, drive=replace(stage.drive, spring=damped))
-    return replace(robot, stages=tuple(stages))
+        if spring is None or not spring.stands_in:
+            return stage
+        calm = replace(spring, damping=spring.damping / CONTACT_DAMPING_RATIO)
+        return replace(stage, drive=replace(stage.drive, spring=calm))
+
+    return replace(robot, stages=tuple(map(damped, robot.stages)))
 
 
 def level_rows(database: Database, level: str) -> dict[str, tuple[EffectRow, ...]]:

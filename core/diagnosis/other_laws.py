@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -74,53 +74,40 @@ def beyond_catalogue(
     if not 0.0 < left < loud or number_of(item.effect, fit.rows[item.key]):
         # it explains all, or nothing, or has another law already
         return fit
-    if item.effect == LIMIT or item.effect in WAVES:
-        with_more = with_knee if item.effect == LIMIT else as_harmonic
-        other = with_more(problem, whiten, found, fit, parts, item)
-        sigma = spread(other.left, parts)
-        plain = gained(fit.left, other.left, sigma, parts) >= EARNS
-        return other if plain and _above(other) < ANOTHER * left else fit
-    if left <= CLOSE * loud or (begun := list(_stiffer(problem, fit, item))) == []:
+    if item.effect in SPRINGS:
+        begun = stiffer(problem, fit, item) if left > CLOSE * loud else []
+    elif item.effect == LIMIT:
+        begun = with_knees(fit, item)
+    else:
+        begun = as_harmonics(problem, whiten, fit, item) if item.effect in WAVES else []
+    if not begun:
         return fit
-    other = _best_from(problem, whiten, found, fit, parts, item, begun)
+    other = begun_from(problem, whiten, found, fit, parts, item, begun)
+    if item.effect not in SPRINGS and gained(fit.left, other.left, spread(other.left, parts), parts) < EARNS:
+        return fit
     return other if _above(other) < ANOTHER * left else fit
 
 
-def with_knee(
-    problem: Problem,
-    whiten: Whitening,
-    found: Sequence[Found],
-    fit: Refined,
-    parts: Sequence[Part],
-    item: Found,
-) -> Refined:
-    """The fit with a torque limit that is felt before it is reached in the place of one that cuts."""
-    top = fit.rows[item.key].values["torque"]
-    begun = [
-        EffectRow(item.at, {**fit.rows[item.key].values, "torque": higher * top, KNEE: knee})
+def with_knees(fit: Refined, item: Found) -> list[EffectRow]:
+    """Where fits begin of a torque limit that is felt before it is reached in the place of one that cuts."""
+    values = fit.rows[item.key].values
+    return [
+        EffectRow(item.at, {**values, "torque": higher * values["torque"], KNEE: knee})
         for higher in HIGHER
         for knee in WIDER
     ]
-    return _best_from(problem, whiten, found, fit, parts, item, begun)
 
 
-def as_harmonic(
-    problem: Problem,
-    whiten: Whitening,
-    found: Sequence[Found],
-    fit: Refined,
-    parts: Sequence[Part],
-    item: Found,
-) -> Refined:
-    """The fit with a wave that comes half as often, and of which what was found is what comes twice as often as well.
+def as_harmonics(problem: Problem, whiten: Whitening, fit: Refined, item: Found) -> list[EffectRow]:
+    """Where a fit begins of a wave that comes half as often, and of which what was found comes twice as often as well.
 
-    Itself where there is none so large: where the wave that was found is the larger part, the other is no more than
+    Nowhere where there is none so large: where the wave that was found is the larger part, the other is no more than
     another form of its law.
     """
     row = fit.rows[item.key]
     amplitude, cycles, phase = (row.values[name] for name in ("amplitude", "cycles", "phase"))
     if 0.5 * cycles < problem.fewest_cycles(item.at):
-        return fit
+        return []
 
     def half(size: float, first: float) -> EffectRow:
         values = {"amplitude": size * amplitude, "cycles": 0.5 * cycles, "phase": first}
@@ -132,9 +119,27 @@ def as_harmonic(
     ]
     sine, cosine = np.linalg.lstsq(np.column_stack(columns), -fit.left, rcond=None)[0].tolist()
     size = math.hypot(sine, cosine)
-    if size < 1.0:
-        return fit
-    return _best_from(problem, whiten, found, fit, parts, item, [half(size, math.atan2(cosine, sine))])
+    return [half(size, math.atan2(cosine, sine))] if size >= 1.0 else []
+
+
+def stiffer(problem: Problem, fit: Refined, item: Found) -> list[EffectRow]:
+    """Where fits begin of springs that stiffen, around a straight one; nowhere for what is no spring that gives."""
+    row = fit.rows[item.key]
+    columns = [name for name in SPRINGS[item.effect] if math.isfinite(row.values[name])]
+    if not columns or clamped(problem, item.at):
+        return []
+    straight = {key: by_catalogue(row) for key, row in fit.rows.items()}
+    stretch = stretch_along(problem, tables(straight), item.effect, item.at)
+    if not stretch > 0.0:
+        return []
+    return [
+        EffectRow(
+            item.at,
+            {**row.values, **{name: softer * row.values[name] for name in columns}, STIFFENING: harder / stretch**2},
+        )
+        for softer in SOFTER
+        for harder in HARDER
+    ]
 
 
 def straightened(
@@ -181,7 +186,7 @@ def _without_more(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:
     )
 
 
-def _best_from(
+def begun_from(
     problem: Problem,
     whiten: Whitening,
     found: Sequence[Found],
@@ -199,22 +204,6 @@ def _best_from(
     best = min(begun, key=leaves)
     trial = [replace(one, row=best if one.key == item.key else fit.rows[one.key]) for one in found]
     return refined(problem, whiten, trial, parts)
-
-
-def _stiffer(problem: Problem, fit: Refined, item: Found) -> Iterator[EffectRow]:
-    """Springs that stiffen, around a straight one; none for what is no spring that gives."""
-    row = fit.rows[item.key]
-    columns = [name for name in SPRINGS.get(item.effect, ()) if math.isfinite(row.values[name])]
-    if not columns or clamped(problem, item.at):
-        return
-    straight = {key: by_catalogue(row) for key, row in fit.rows.items()}
-    stretch = stretch_along(problem, tables(straight), item.effect, item.at)
-    if not stretch > 0.0:
-        return
-    for softer in SOFTER:
-        for harder in HARDER:
-            values = {name: softer * row.values[name] for name in columns}
-            yield EffectRow(item.at, {**row.values, **values, STIFFENING: harder / stretch**2})
 
 
 def _above(fit: Refined) -> float:

@@ -22,6 +22,8 @@ from .inverse import Said, said
 from .model import Rows, level_rows, merged, tables
 
 Vector = NDArray[np.float64]
+# what weighs on every joint before it
+BODIES = ("link_inertia", "payload")
 # what a robot leaves that cannot be, in units of noise
 FAR = 1.0e3
 # and what one may leave that swings itself to pieces: squares of more than that are no numbers any longer
@@ -135,7 +137,7 @@ class Problem:
         Of a flat arm, or one whose moments were published with few digits, hardly any mass can be taken, or put
         elsewhere, without its moments being beyond what a body has; by so little nobody knows them.
         """
-        heavy = {key: key[1] or self.database.n for key in sorted(fitted) if key[0] in ("link_inertia", "payload")}
+        heavy = {key: key[1] or self.database.n for key in sorted(fitted) if key[0] in BODIES}
         if not heavy:
             return fitted
         before = self.robots({})[0]

@@ -22,7 +22,6 @@ from ..parallel import side_by_side
 from .beyond import SPRINGS, how_many, number_of
 from .fit import Linear, Part, blocks, edges_of, gained, linear, spread, takes_the_same
 from .hypotheses import (
-    BODIES,
     GIVING,
     STEP,
     TENSOR,
@@ -39,7 +38,7 @@ from .model import Rows, merged, tables
 from .nuisances import Whitening
 from .other_laws import beyond_catalogue
 from .plain import LEAST_MASS, at_a_point
-from .problem import Problem
+from .problem import BODIES, Problem
 from .refine import Refined, free_columns, left_with, refined, removal
 from .resonance import springs, stiffening
 

@@ -14,7 +14,7 @@ from ..recording import Run
 from .beyond import number_of
 from .fit import Part, blocks, edges_of, gained, spread
 from .forms import Forms, beyond_forms
-from .gap import shows_in_band
+from .gap import loudest_along, shows_in_band
 from .nuisances import Whitening
 from .other_laws import straightened
 from .problem import FAR, Problem
@@ -237,7 +237,7 @@ def along(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Seq
     """
     part = _Part.of(problem, whiten, sorted({k for way in ways for k in way.unseen}))
     nothing, left = part.left([]), part.left(found)
-    loudest = max((float(np.mean(left[a:b] ** 2)) for a, b in edges_of(part.parts)), default=0.0)
+    loudest = loudest_along(left, part.parts)
     above = _energy(nothing) - len(nothing)
     share = (_energy(left) - len(left)) / above if above > 0.0 else 0.0
     joints: dict[str, float] = {}

@@ -14,7 +14,7 @@ from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import MOST_LEFT, Judge
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.other_laws import as_harmonic, straightened
+from mbexport.core.diagnosis.other_laws import as_harmonics, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.search import Found, Search, search
@@ -267,4 +267,4 @@ def test_a_plain_wave_is_no_harmonic(second, cycles):
     asked = problem(load("pendulum"), "rigid", [pendulum_run("motion", gear(second * 1e-3, 1.5e-4), seed=1)])
     whiten, parts, item = whitening(asked), blocks(asked.evidence), Found("transmission_error", 1, row, 100.0)
     fit = refined(asked, whiten, [item], parts)
-    assert as_harmonic(asked, whiten, [item], fit, parts, item) is fit
+    assert as_harmonics(asked, whiten, fit, item) == []
