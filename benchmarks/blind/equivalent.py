@@ -36,16 +36,15 @@ def stated(recipe: dict, world: World, signals: list) -> list[dict]:
     out = []
     for effect in recipe["effects"]:
         name, at = effect["effect"], effect["at"]
+        columns = CATALOGUE_COLUMNS.get(name, effect["parameters"])
         place = "robot" if at == 0 else f"{'arm' if name in ARMS else 'joint'}_{at}"
-        p = dict(effect["parameters"])
-        known = {key: p[key] for key in CATALOGUE_COLUMNS.get(name, p) if key in p}
         exact = not effect["form"]
+        row = recipe["database"].get(name, {}).get(str(at), {})
+        # what the database knows of it has its form as well
+        p = {key: value + (row.get(key, 0.0) if key in columns else 0.0) for key, value in effect["parameters"].items()}
+        total = {key: float(p[key]) for key in columns if key in p}
         if effect["form"] and not name.startswith("outside_"):
-            known.update(nearest(name, at - 1, p, world, signals))
-        total = {key: float(value) for key, value in known.items()}
-        row = recipe["database"].get(name, {}).get(str(at))
-        if row:
-            total = {key: value + row.get(key, 0.0) for key, value in total.items()}
+            total.update(nearest(name, at - 1, p, world, signals))
         out.append(
             {
                 "effect": name,

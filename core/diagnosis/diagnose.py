@@ -50,7 +50,7 @@ from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
 from .scores import scores
-from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, place_of, prune, rows_of, search
+from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, part_open, place_of, prune, rows_of, search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .tolerated import with_tolerances
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
@@ -98,6 +98,9 @@ ALONE = "The gap stands in the held-out runs alone: the others show no more than
 UNCONFIRMED = "The held-out runs confirm nothing that the others show."
 # part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
 UNDERSTOOD = 0.35
+# part of a loud gap that findings may leave in the fitted runs if these and parts of the others are to confirm them:
+# they would have to leave no more than UNDERSTOOD of it there
+CONFIRMABLE = 0.5
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
@@ -196,19 +199,18 @@ class _Diagnosing:
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer; of the held-out runs in parts where these alone show the gap, or what the others show fails."""
-        answer = self._of(runs, holdout)
-        alone = bool({UNSEEN, LEFT_UNSEEN} & set(answer.notes))
-        if not holdout or not (alone or answer.verdict == "unexplained"):
+        answer, why = self._of(runs, holdout)
+        if not holdout or not why:
             return answer
-        apart = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
+        apart, _ = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return answer
         names = tuple(run.name for run in (*runs, *holdout))
-        said = SEEN_APART.format(why=ALONE if alone else UNCONFIRMED)
+        said = SEEN_APART.format(why=why)
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
-    def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
-        """The answer of runs as they are given."""
+    def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> tuple[Diagnosis, str]:
+        """The answer of runs as they are given, and why held-out ones should be fitted in parts; "" if that is vain."""
         given = known_together([*runs, *holdout])
         notes: list[str] = []
         ready, before, numerical = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
@@ -268,7 +270,10 @@ class _Diagnosing:
             notes.append(NEAREST_HELPS_NOT.format(effect=item.effect, place=item.place, part=part, **words))
         notes += outside_names(held.found)
         effects = rows_of(held.found)
-        return Diagnosis(
+        why = ALONE if {UNSEEN, LEFT_UNSEEN} & set(notes) else ""
+        if verdict == "unexplained" and not why and part_open(state) <= CONFIRMABLE:
+            why = UNCONFIRMED
+        answer = Diagnosis(
             robot=self.database.name,
             verdict=verdict,
             where=before.where,
@@ -294,6 +299,7 @@ class _Diagnosing:
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay) for overlay in held.overlays),
         )
+        return answer, why
 
     def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
         """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""

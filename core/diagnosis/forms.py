@@ -40,6 +40,13 @@ _POWERS: dict[str, tuple[float, ...]] = {
     "joint_spring": (2.0, 3.0),
     "torque_constant": (2.0,),
 }
+# how much there is of laws that a database knows a part of: what is found is of another form with all of it
+_HOW_MUCH = {
+    "coulomb_friction": "torque",
+    "stribeck_friction": "torque",
+    "viscous_friction": "coefficient",
+    "load_friction": "coefficient",
+}
 # over which parts of a limit it may come softly, and by which part of it that is known as much
 KNEES, NEAR_LIMIT = (0.03, 0.1), 0.02
 # what changes where arms are, and so what they weigh on joints
@@ -97,7 +104,7 @@ def beyond_forms(
         return None
     every, without = problem.spoken(rows_of(found)), _without(problem, found, k)
     larger = [
-        j for j in others if _size(every, _without(problem, found, j), found[j].at) > _size(every, without, found[j].at)
+        j for j in others if _size(every, _bare(problem, found, j), found[j].at) > _size(every, without, found[j].at)
     ]
     forms = [form for j in larger for form in _forms(problem, found, j, every)]
     if not forms:
@@ -191,6 +198,15 @@ def _without(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
     return problem.spoken(rows_of([one for j, one in enumerate(found) if j != k]))
 
 
+def _bare(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
+    """Without a finding and without what the database knows of its law at its joint."""
+    item = found[k]
+    if item.effect not in _HOW_MUCH or not any(row.at == item.at for row in problem.known.get(item.effect, ())):
+        return _without(problem, found, k)
+    nothing = replace(item, row=EffectRow(item.at, {**item.row.values, _HOW_MUCH[item.effect]: 0.0}))
+    return problem.spoken(rows_of([*found[:k], nothing, *found[k + 1 :]]))
+
+
 def _size(every: Sequence[Said], without: Sequence[Said], at: int) -> float:
     """Mean square of the torque that a finding makes at its joint."""
     made = np.concatenate([(one.tau - other.tau)[:, at - 1] for one, other in zip(every, without, strict=True)])
@@ -205,7 +221,7 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     if item.effect == "torque_limit":
         return _limits(problem, found, k)
     i = item.at - 1
-    without = _without(problem, found, k)
+    without = _bare(problem, found, k)
     made = [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, without, strict=True)]
     # runs that do not excite it have the same forms, of nothing
     most = max(float(np.max(np.abs(one), initial=0.0)) for one in made) or 1.0

@@ -878,6 +878,13 @@ def _loud(state: Search) -> float:
     return above if above > max(LOUD * math.sqrt(2.0 * count), CRUMB * first) else 0.0
 
 
+def part_open(state: Search) -> float:
+    """Part that is left of the gap's energy along the motion, above noise; 0 of a gap that is no louder than noise."""
+    count = len(state.left)
+    above, first = _energy(state.left) - count, _energy(_nothing(state)) - count
+    return max(above, 0.0) / first if first > count > 0 else 0.0
+
+
 def _rings_first(state: Search, parts: Sequence[Part]) -> list[Found]:
     """The spring that rings, where it takes a good part of the gap and no other cause alone does; none or one.
 

@@ -99,9 +99,9 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     whole = diagnose._Diagnosing._of
 
     def half(self, seen, holdout):
-        answer = whole(self, seen, holdout)
+        answer, why = whole(self, seen, holdout)
         verdict = "partly_explained" if answer.which and not another_form else answer.verdict
-        return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4))
+        return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4)), why
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", half)
     answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
@@ -113,14 +113,30 @@ def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     whole = diagnose._Diagnosing._of
 
     def fails(self, seen, holdout):
-        answer = whole(self, seen, holdout)
-        return replace(answer, verdict="unexplained", which=(), notes=()) if holdout else answer
+        answer, why = whole(self, seen, holdout)
+        failed = replace(answer, verdict="unexplained", which=(), notes=())
+        return (failed, diagnose.UNCONFIRMED) if holdout else (answer, why)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
     rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
     answer = mbexport.diagnose("pendulum", rubbing[:1], rubbing[1:], level="rigid", backends=[])
     assert (answer.verdict, [item.effect for item in answer.which]) == ("explained", ["viscous_friction"])
     assert answer.notes[-1].startswith("The held-out runs confirm nothing that the others show. So the held-out runs")
+
+
+def test_what_no_cause_explains_on_loud_fitted_runs_is_asked_once(monkeypatch):
+    """Parts of the held-out run would make it no clearer, and take as long again."""
+    asked, whole = [], diagnose._Diagnosing._of
+
+    def once(self, seen, holdout):
+        asked.append(len(holdout))
+        return whole(self, seen, holdout)
+
+    monkeypatch.setattr(diagnose._Diagnosing, "_of", once)
+    driven = runs(lambda t, q, dq: 2.0 * math.sin(11.0 * t + 4.0 * math.sin(1.7 * t)))
+    answer = mbexport.diagnose("pendulum", driven[:1], driven[1:], level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("unexplained", ())
+    assert asked == [1]
 
 
 def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_nothing_of_it():

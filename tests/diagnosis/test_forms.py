@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mbexport.core.database import load
+from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
@@ -97,6 +97,17 @@ def test_a_waves_cycles_may_be_a_little_off_where_it_comes_twice_as_often_as_wel
 def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, its_own):
     form = other_form(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
     assert (form.leaves < 0.3) if its_own else (form.leaves > 0.8)
+
+
+def test_what_a_database_knows_of_a_damper_yields_with_the_rest_of_it():
+    """A fifth less than was known of it was all that might have another form, and hysteresis was named for the rest."""
+    known = replace(load("pendulum"), effects=FrozenMap({"viscous_friction": (EffectRow(1, {"coefficient": 0.5}),)}))
+    runs = [pendulum_run("motion", lambda t, q, dq: 0.5 * dq / (1.0 + 0.15 * abs(dq)), seed=seed) for seed in (1, 2)]
+    asked = problem(known, "full", runs)
+    ways = splits(2, 0)
+    rows = judged(asked, whitening(asked), [DAMPS], ways).rows
+    assert rows[0][0].values["coefficient"] < 0.45
+    assert bent(asked, whitening(asked), [DAMPS], ways, rows).leaves < 0.3
 
 
 @pytest.mark.parametrize(("power", "level", "its_own"), [(1.0, 0.0, False), (2.0, 0.1, True)])
