@@ -32,7 +32,7 @@ from .diagnosis import (
     Unexplained,
     Verdict,
 )
-from .doubts import doubted, doubts_of
+from .doubts import Doubts, doubted, doubts_of, untold
 from .experiment import Experiment, design
 from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
@@ -232,10 +232,14 @@ class _Diagnosing:
         state, judge, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
         heard, heard_whiten = judge.whole, judge.whiten
         held, fit, names = self._named(state, judge, held)
-        if fit is not None:
+        while fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
-            held, fit = self._in_line(state, judge, held, fit, every=not holdout)
+            held, fit, doubts = self._in_line(state, judge, held, fit, every=not holdout)
             names = [named[item.key] for item in held.found]
+            if not (out := untold(state.problem, held.found, fit, doubts)):
+                break
+            held = judge.without_untold(held, out)
+            fit, names = self._names(state, held.found)
         experiment = self._next(state, held.found, names)
         along = whiten(whole.residual({})), blocks(whole.evidence)
         seen_too = not len(whole.evidence.weights) or (shows_in_band if judge.by_bands else shows)(*along)
@@ -389,8 +393,10 @@ class _Diagnosing:
             names.append(alike(state, found, fit, item))
         return fit, names
 
-    def _in_line(self, state: Search, judge: Judge, held: Held, fit: Refined, *, every: bool) -> tuple[Held, Refined]:
-        """Findings with their numbers, from simulation where these are no worse.
+    def _in_line(
+        self, state: Search, judge: Judge, held: Held, fit: Refined, *, every: bool
+    ) -> tuple[Held, Refined, Doubts]:
+        """Findings with their numbers, from simulation where these are no worse, and how far other forms move these.
 
         Args:
             state: With the runs that were fitted.
@@ -416,7 +422,7 @@ class _Diagnosing:
             # numbers from simulation know of them
             fit = with_tolerances(state.problem, state.whiten, fit, parts)
         fit = in_one_turn(with_moments(state.problem, state.whiten, doubted(fit, doubts), parts))
-        return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit
+        return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit, doubts
 
     def _found_so_far(self, what: str) -> None:
         self.tell(f"found {what}, looking on")

@@ -9,23 +9,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of
 from .fit import Part, gained, spread
-from .forms import other_forms
+from .forms import have_other_forms, other_forms
+from .hypotheses import defaults
 from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import Refined
+from .refine import SHAPES, Refined
+from .search import Found, gives_alone
 from .unseen import EARNS
-
-if TYPE_CHECKING:
-    from .search import Found
 
 Vector = NDArray[np.float64]
 # by effect, number of its place and column: how far a number may be another one [SI]
@@ -60,6 +59,46 @@ def doubted(fit: Refined, doubts: Doubts) -> Refined:
     """A fit whose intervals reach as far."""
     extra = np.array([doubts.get(key, 0.0) for key in fit.free])
     return replace(fit, covariance=fit.covariance + np.diag(extra**2)) if extra.any() else fit
+
+
+def untold(problem: Problem, found: Sequence[Found], fit: Refined, doubts: Doubts) -> list[Found]:
+    """Findings of which there may as well be nothing: what it would be lies in the region of 95 % of their amounts.
+
+    Beside others they helped, by numbers of which nothing is known: what they took away is another cause's. Springs and
+    limits, of which there is none where they are infinite, are always told; a law that is of another form than it was
+    known to be is there, though one number of it may be what it was; and so is what others need.
+
+    Args:
+        problem: The runs that were fitted.
+        found: Findings.
+        fit: Of all their numbers, whose covariance knows all that there is to know.
+        doubts: What of that is for laws of other forms.
+    """
+    unsure = [
+        item for item in found if _may_be_nothing(problem, fit, item, {}) and not gives_alone(problem, found, item)
+    ]
+    bent = have_other_forms(problem, found) if unsure and doubts else ()
+    return [item for item in unsure if item.key not in bent or _may_be_nothing(problem, fit, item, doubts)]
+
+
+def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts) -> bool:
+    """Whether there may as well be nothing of it, but for these doubts."""
+    stats: Any = import_module("scipy.stats")
+    nothing = next(
+        (row.values for row in problem.known.get(item.effect, ()) if row.at == item.at), defaults(item.effect)
+    )
+    amounts = [k for k in fit.numbers_of(item.key) if fit.shown[k] and fit.free[k][2] not in SHAPES]
+    names = [fit.free[k][2] for k in amounts]
+    away = np.array([fit.rows[item.key].values[name] - nothing[name] for name in names])
+    if not amounts or not np.isfinite(away).all():
+        return False
+    doubt = np.array([doubts.get(fit.free[k], 0.0) for k in amounts])
+    covariance = fit.covariance[np.ix_(amounts, amounts)] - np.diag(doubt**2)
+    # of numbers that go together some combinations may be known exactly
+    size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    correlation = covariance / np.outer(size, size)
+    far = float(away / size @ np.linalg.pinv(correlation, hermitian=True) @ (away / size))
+    return far < float(stats.chi2.ppf(0.95, len(amounts)))
 
 
 def _beyond(problem: Problem, fit: Refined, nearest: Refined) -> dict[tuple[str, int, str], float]:

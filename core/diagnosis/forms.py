@@ -179,6 +179,11 @@ def other_forms(problem: Problem, found: Sequence[Found]) -> list[Form]:
     return [form for _, form in _every_form(problem, found) if form.said]
 
 
+def have_other_forms(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+    """Keys of the findings whose law may have another form."""
+    return {found[k].key for k, form in _every_form(problem, found) if form.said}
+
+
 def _every_form(problem: Problem, found: Sequence[Found]) -> Iterator[tuple[int, Form]]:
     every = problem.spoken(rows_of(found))
     for k, item in enumerate(found):

@@ -68,6 +68,7 @@ EXACT = 0.01
 UNREAL = "needs a body that cannot exist"
 GONE = "no gain on held-out data"
 NOT_EXCITED = "not excited by the held-out runs"
+UNTOLD = "how much of it there is cannot be told from nothing"
 CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
@@ -466,6 +467,13 @@ class Judge:
                 )
                 return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
         return held
+
+    def without_untold(self, held: Held, untold: Collection[Found]) -> Held:
+        """What holds without findings of which there may as well be nothing."""
+        rest = self.held([item for item in held.found if item not in untold])
+        gone = tuple(Rejected(item.effect, item.place, UNTOLD) for item in untold)
+        dropped = (*held.dropped_but(rest), *rest.dropped, *gone)
+        return replace(rest, dropped=dropped, growing=held.growing, rings=held.rings)
 
     def _drags(self, held: Held, laws: Collection[tuple[str, int]]) -> bool:
         """Whether what goes with the square of a joint's speed says, with one number, as much as these laws of it."""

@@ -30,7 +30,7 @@ _HELD = {"hysteresis": ("slips",), "backlash": ("damping",)}
 # numbers that are fitted even where they are what they are by default
 _ALWAYS = {"base_tilt": ("roll", "pitch"), "controller_gain": ("kp", "kd"), "link_flexibility": ("at",)}
 # numbers that say how an effect goes, not how much of it there is
-_SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", *RANGES)
+SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", *RANGES)
 _EVALUATIONS = 25
 # change of the sum of squares, or of the numbers, from which a fit has come to its end
 ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
@@ -125,7 +125,7 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
 def _gone(fit: Refined, key: tuple[str, int], absent: EffectRow, own: Sequence[int]) -> Vector:
     """What becomes of a finding's own numbers where it goes: how it went stays, for none of it goes in any way."""
     values, names = fit.rows[key].values, [fit.free[k][2] for k in own]
-    return np.array([0.0 if name in _SHAPES else absent.values[name] - values[name] for name in names])
+    return np.array([0.0 if name in SHAPES else absent.values[name] - values[name] for name in names])
 
 
 def covariance_of(information: Vector) -> Vector:
@@ -151,7 +151,7 @@ def vanished(fit: Refined, item: Found) -> bool:
     """Whether the 95 % interval of every amount, as the finding goes, holds what it is where there is none of it."""
     absent = _ON_TIME if item.effect == "delay" else item.absent
     own = fit.numbers_of(item.key)
-    amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in _SHAPES]
+    amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in SHAPES]
     if absent is None or not amounts:
         return False
     # a spring may be soft and far away or hard and near: its torque is known far better than both

@@ -1,18 +1,20 @@
 """Intervals of laws of another form: they hold what else a number may be, and no more where there is no such form."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mbexport
 from mbexport.core.database import load
-from mbexport.core.diagnosis.doubts import doubted, doubts_of
+from mbexport.core.diagnosis import diagnose
+from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.refine import Refined, refined
 from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
@@ -97,3 +99,55 @@ def test_a_diagnosis_tells_the_wider_interval():
     assert found.effect == "viscous_friction"
     least, most = found.parameters["coefficient"].ci95
     assert least < 0.4 < 0.5 < most
+
+
+def rubbing_and_heavy(size):
+    """Friction and a rotor that is hardly there, fitted together, each number known to within so much of itself."""
+    runs = [pendulum_run("motion", lambda t, q, dq: 0.4 * dq, seed=seed) for seed in (1, 2)]
+    asked, whiten, parts = asked_of(runs)
+    found = [DAMPS, Found("rotor_inertia", 1, EffectRow(1, {"inertia": 0.01}), 20.0)]
+    fit = refined(asked, whiten, found, parts)
+    numbers = [fit.rows[key[:2]].values[key[2]] for key in fit.free]
+    return asked, found, replace(fit, covariance=np.diag((size * np.array(numbers)) ** 2))
+
+
+@pytest.mark.parametrize(("size", "lost"), [(0.4, []), (0.6, ["viscous_friction", "rotor_inertia"])])
+def test_what_may_as_well_be_nothing_is_not_told_from_it(size, lost):
+    asked, found, fit = rubbing_and_heavy(size)
+    assert [item.effect for item in untold(asked, found, fit, {})] == lost
+
+
+def test_two_numbers_of_which_the_sum_is_known_are_told_from_nothing():
+    """Neither is known alone."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion"), pendulum_run("motion", seed=2)])
+    heavy = Found("link_inertia", 1, EffectRow(1, {"mass": 1.0, "mx": 1.0}), 50.0)
+    fit = Refined(
+        {heavy.key: heavy.row},
+        np.zeros(10),
+        (("link_inertia", 1, "mass"), ("link_inertia", 1, "mx")),
+        np.array([[4.0, -3.99], [-3.99, 4.0]]),
+        np.zeros((10, 2)),
+        (True, True),
+    )
+    assert untold(asked, [heavy], fit, {}) == []
+    loose = replace(fit, covariance=np.diag(np.diag(fit.covariance)))
+    assert untold(asked, [heavy], loose, {}) == [heavy]
+
+
+def test_a_law_of_another_form_is_there_whatever_one_number_of_it_is():
+    """Friction that yields is what was known of it at one speed; a rotor's inertia has no form to be another one."""
+    asked, found, fit = rubbing_and_heavy(0.6)
+    own = {key: 0.5 * fit.rows[key[:2]].values[key[2]] for key in fit.free}
+    assert [item.effect for item in untold(asked, found, fit, own)] == ["rotor_inertia"]
+
+
+def test_a_finding_of_which_nothing_is_known_is_not_named(monkeypatch):
+    """The other one is fitted again without it."""
+    monkeypatch.setattr(diagnose, "untold", lambda asked, found, fit, doubts: list(found[1:]))
+    runs = [pendulum_run(against=lambda t, q, dq: 0.4 * dq + 2.0 * math.sin(q - 0.3), seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
+    (found,) = answer.which
+    gone = [item for item in answer.rejected if "told from nothing" in item.why]
+    assert len(gone) >= 1
+    assert (found.effect, found.at) not in {(item.effect, item.at) for item in gone}
+    assert answer.verdict == "partly_explained"
