@@ -26,6 +26,7 @@ from mbexport.core.diagnosis.resimulate import (
     resimulated,
     smoothed,
     start_of,
+    window_edges,
 )
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError, UsageError
@@ -189,27 +190,38 @@ def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick()
         assert rms(left["tau"]) == pytest.approx(NOISE["tau"], rel=0.1)
 
 
-def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
-    """Against a motor and an arm with a spring between them, stepped by SciPy under a torque held from tick to tick."""
-    inertia, stiffness, damping = 0.05, 900.0, 6.0
+def behind_a_drive(inertia, passes, factor=1.0):
+    """A run of torque of a motor and an arm, stepped by SciPy under a torque held from tick to tick; its states.
+
+    Args:
+        inertia: The motor's.
+        passes: Torque that its drive passes at a stretch and its rate.
+        factor: By which the command is quicker.
+    """
     ticks = np.arange(2001) / 1000.0
-    asked, rate, _ = command(ticks)
+    asked, rate, _ = command(factor * ticks)
     state, states, given = np.zeros(4), [], []
 
     def bend(t, y, held):
-        passed = stiffness * (y[0] - y[2]) + damping * (y[1] - y[3])
+        passed = passes(y[0] - y[2], y[1] - y[3])
         return [y[1], (held - passed) / inertia, y[3], (passed - WEIGHT * np.sin(y[2])) / INERTIA]
 
     for k in range(len(ticks)):
         states.append(state)
-        given.append(KP * (asked[k] - state[0]) + KD * (rate[k] - state[1]))
+        given.append(KP * (asked[k] - state[0]) + KD * (factor * rate[k] - state[1]))
         state = solve_ivp(bend, (0.0, 1e-3), state, "RK45", args=(given[-1],), rtol=1e-8, atol=1e-11).y[:, -1]
     random = np.random.default_rng(4)
     states, held = np.array(states), np.array(given)[:, None]
     q, q_link = (states[:, [i]] + NOISE["q"] * random.normal(size=held.shape) for i in (0, 2))
     run = pendulum_run("torque", rate=1000.0, duration=2.0)
     signals = {"q": q, "q_link": q_link, "tau_cmd": held, "tau": held + NOISE["tau"] * random.normal(size=held.shape)}
-    run = replace(run, signals=signals, noise=run.noise | {"q_link": np.array([NOISE["q"]])})
+    return replace(run, signals=signals, noise=run.noise | {"q_link": np.array([NOISE["q"]])}), states
+
+
+def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
+    """Against a motor and an arm with a spring between them."""
+    inertia, stiffness, damping = 0.05, 900.0, 6.0
+    run, states = behind_a_drive(inertia, lambda stretch, rate: stiffness * stretch + damping * rate)
     soft = robot(
         run,
         rotor_inertia=[EffectRow(1, FrozenMap({"inertia": inertia}))],
@@ -218,6 +230,28 @@ def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
     assert np.abs(states[:, 0] - states[:, 2]).max() > 200.0 * NOISE["q"]
     left = residuals(run, resimulated(soft, robot(run), run, "mjcf"), robot(run))
     assert rms(left["q_link"]) < 3.0 * NOISE["q"]
+
+
+def test_windows_of_torque_begin_with_arms_at_the_side_of_their_play_that_they_bear_on():
+    """Where they are driven the other way than gravity pulls: it alone has them half of the time at the other side."""
+    inertia, gap, stiffness, damping = 0.05, 0.01, 4.0e4, 20.0
+
+    def contact(stretch, rate):
+        pushed = stretch - np.clip(stretch, -0.5 * gap, 0.5 * gap)
+        force = stiffness * pushed + damping * rate
+        return max(force, 0.0) if pushed > 0.0 else min(force, 0.0) if pushed < 0.0 else 0.0
+
+    run, states = behind_a_drive(inertia, contact, factor=2.0)
+    loose = robot(
+        run,
+        rotor_inertia=[EffectRow(1, FrozenMap({"inertia": inertia}))],
+        backlash=[EffectRow(1, FrozenMap({"gap": gap, "stiffness": stiffness, "damping": damping}))],
+    )
+    left = residuals(run, resimulated(loose, robot(run), run, "mjcf"), robot(run))
+    starts = np.rint(1000.0 * np.array(window_edges(run)[1:-1])).astype(int)
+    sides = np.sign(states[starts, 0] - states[starts, 2])
+    assert np.any(sides != np.sign(np.sin(states[starts, 2])))
+    assert rms(left["q_link"]) < 5.0 * NOISE["q"]
 
 
 def test_torque_that_nobody_recorded_moves_nothing_that_is_compared():
