@@ -253,7 +253,8 @@ def figures(cases: list[Case]) -> list[Figure]:
     # as positions alone are recorded, but for the torque
     beside = [c for c in plain if c.torque and c.truth["control"]["mode"] == "pd"]
     sets = [names for c in seen for names in c.sets]
-    over_floor = [size for c in catalogued if c.exact_as_far and (size := c.over_floor) is not None]
+    far = [(c, size) for c in catalogued if c.exact_as_far and (size := c.over_floor) is not None]
+    over_floor = [size for _, size in far]
     truly = [(c, c.shrinks[0]) for c in cases if c.shrinks is not None]
     # who names nothing claims nothing
     off = [abs(said - true) for c, true in truly if c.named and (said := c.claimed) is not None]
@@ -339,7 +340,9 @@ def figures(cases: list[Case]) -> list[Figure]:
             "all",
             [size <= NOISE_FLOOR for size in over_floor],
         ),
+        Figure("... that, of the catalogue's own laws", "", [size <= NOISE_FLOOR for c, size in far if c.lawful]),
         Figure("... its size", "1.2", text=middle(over_floor)),
+        Figure("... its size, of the catalogue's own laws", "", text=middle(size for c, size in far if c.lawful)),
         Figure("claimed against true shrinkage within 5 points", "all", [x <= CLOSE for x in off]),
         Figure("... how far off", "0.05", text=middle(off, 3)),
         Figure("made worse, truly, by what was found", "", worse),
