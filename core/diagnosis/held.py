@@ -81,6 +81,9 @@ GROWS = "with others it only follows a resistance that grows faster than with it
 # part of what Coulomb's friction lost that Stribeck's may have got more or less
 AS_MUCH, BESIDE_IT = 0.5, ("stribeck_friction", "viscous_friction")
 OTHER_LAW = "no more than what is left where the law of another finding at its joint has another form"
+CONTACT = "no more than how hard its play's contact is, which nobody knows"
+# part of the hardness that a contact is taken to have (500 Hz) from which a spring beside it is but that (100 Hz)
+AS_HARD = 0.04
 # part of what a finding takes away that the laws of others at its joint must leave it, or it is theirs; of what all
 # leave, the part that other forms of their laws may leave where no cause is missing
 MOST_LEFT = 0.4
@@ -309,6 +312,8 @@ class Judge:
         said = held.unseen.beyond < MOST_LEFT and held.unseen.open * held.unseen.beyond < OTHER_FORM
         for option in self._closing(held, state):
             found = (*held.found, option)
+            if self._as_hard_as_a_contact(found):
+                continue
             unseen = judged(self.whole, self.whiten, found, self.ways)
             if option.effect != "delay" and (said or unseen.gains[-1] < 0.0):
                 continue
@@ -590,6 +595,10 @@ class Judge:
         while kept:
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(self.whole, self.whiten, kept, self.ways)
+            if (contact := self._as_hard_as_a_contact(kept)) is not None:
+                kept.remove(contact)
+                dropped.append(Rejected(contact.effect, contact.place, CONTACT))
+                continue
             if (softer := self._softly(kept, unseen)) is not None:
                 kept = softer
                 continue
@@ -649,6 +658,17 @@ class Judge:
             why = NOT_EXCITED if still else GONE
             dropped.append(Rejected(item.effect, item.place, why))
         return [], Unseen((), (), (), (), tuple(() for _ in self.ways)), tuple(dropped)
+
+    def _as_hard_as_a_contact(self, found: Sequence[Found]) -> Found | None:
+        """A joint's spring beside play that is about as hard as the contact would be without it; None: no such."""
+        for item in found:
+            play = [one for one in found if one.key == ("backlash", item.at)]
+            if item.effect != "joint_compliance" or not play or math.isfinite(play[0].row.values["stiffness"]):
+                continue
+            contact = self.whole.robots(rows_of(play))[0].stages[item.at - 1].drive.spring
+            if contact and item.row.values["stiffness"] > AS_HARD * contact.stiffness:
+                return item
+        return None
 
     def _softly(self, found: Sequence[Found], unseen: Unseen) -> list[Found] | None:
         """The findings, a torque limit with a knee that leaves little of what is open; None where none is wanted.

@@ -13,6 +13,7 @@ from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.held import MOST_LEFT, Judge
+from mbexport.core.diagnosis.hypotheses import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import as_harmonics, straightened
 from mbexport.core.diagnosis.problem import problem
@@ -22,7 +23,7 @@ from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
 
-from .pendulums import INERTIA, KD, KP, command, pendulum_run
+from .pendulums import INERTIA, KD, KP, command, friction_free, pendulum_run
 
 WAVE = Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 20.0, "phase": 0.1}), 50.0)
 LIMITED = Found("torque_limit", 1, EffectRow(1, {"torque": 5.6}), 50.0)
@@ -279,3 +280,17 @@ def test_a_plain_wave_is_no_harmonic(second, cycles):
     whiten, parts, item = whitening(asked), blocks(asked.evidence), Found("transmission_error", 1, row, 100.0)
     fit = refined(asked, whiten, [item], parts)
     assert as_harmonics(asked, whiten, fit, item) == []
+
+
+@pytest.mark.parametrize(("part", "its_own"), [(0.05, True), (0.03, False)])
+def test_a_spring_as_hard_as_the_contact_of_its_play_is_no_second_cause(part, its_own):
+    """How hard a contact is nobody knows: it is taken to ring at 500 Hz, and may at 100."""
+    judge = judge_of(friction_free)
+    play = Found("backlash", 1, EffectRow(1, defaults("backlash") | {"gap": 1e-3}), 50.0)
+    (robot, _) = judge.whole.robots({"backlash": (play.row,)})
+    stiffness = part * robot.stages[0].drive.spring.stiffness
+    spring = Found("joint_compliance", 1, EffectRow(1, {"stiffness": stiffness, "damping": 0.0}), 50.0)
+    assert judge._as_hard_as_a_contact([spring, play]) is (spring if its_own else None)
+    assert judge._as_hard_as_a_contact([spring]) is None
+    known = replace(play, row=EffectRow(1, play.row.values | {"stiffness": 1e4}))
+    assert judge._as_hard_as_a_contact([spring, known]) is None
