@@ -84,9 +84,8 @@ def untold(problem: Problem, found: Sequence[Found], fit: Refined, doubts: Doubt
 def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts) -> bool:
     """Whether there may as well be nothing of it, but for these doubts."""
     stats: Any = import_module("scipy.stats")
-    nothing = next(
-        (row.values for row in problem.known.get(item.effect, ()) if row.at == item.at), defaults(item.effect)
-    )
+    known = problem.row_at(item.effect, item.at, {})
+    nothing = known.values if known else defaults(item.effect)
     amounts = [k for k in fit.numbers_of(item.key) if fit.shown[k] and fit.free[k][2] not in SHAPES]
     names = [fit.free[k][2] for k in amounts]
     away = np.array([fit.rows[item.key].values[name] - nothing[name] for name in names])

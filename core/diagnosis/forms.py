@@ -206,7 +206,7 @@ def _without(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
 def _bare(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
     """Without a finding and without what the database knows of its law at its joint."""
     item = found[k]
-    if item.effect not in _HOW_MUCH or not any(row.at == item.at for row in problem.known.get(item.effect, ())):
+    if item.effect not in _HOW_MUCH or problem.row_at(item.effect, item.at, {}) is None:
         return _without(problem, found, k)
     nothing = replace(item, row=EffectRow(item.at, {**item.row.values, _HOW_MUCH[item.effect]: 0.0}))
     return problem.spoken(rows_of([*found[:k], nothing, *found[k + 1 :]]))

@@ -593,12 +593,12 @@ class Judge:
         # what the held-out runs do not excite is judged by the others, each left out in turn: its evidence there
         trusted: dict[tuple[str, int], float] = {}
         while kept:
-            self.tell("what each finding is worth on runs that no fit saw")
-            unseen = judged(self.whole, self.whiten, kept, self.ways)
             if (contact := self._as_hard_as_a_contact(kept)) is not None:
                 kept.remove(contact)
                 dropped.append(Rejected(contact.effect, contact.place, CONTACT))
                 continue
+            self.tell("what each finding is worth on runs that no fit saw")
+            unseen = judged(self.whole, self.whiten, kept, self.ways)
             if (softer := self._softly(kept, unseen)) is not None:
                 kept = softer
                 continue

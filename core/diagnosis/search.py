@@ -874,14 +874,20 @@ def _in_place(state: Search, kept: Sequence[Found], parts: Sequence[Part]) -> Se
 def _loud(state: Search) -> float:
     """Energy of what is left above noise; 0 where it is no more than noise may have, or a crumb of the gap."""
     count = len(state.left)
-    above, first = _energy(state.left) - count, _energy(_nothing(state)) - count
+    above, first = _above_noise(state)
     return above if above > max(LOUD * math.sqrt(2.0 * count), CRUMB * first) else 0.0
+
+
+def _above_noise(state: Search) -> tuple[float, float]:
+    """Energy above noise of what is left, and of the gap."""
+    nothing = _nothing(state)
+    return _energy(state.left) - len(state.left), _energy(nothing) - len(nothing)
 
 
 def part_open(state: Search) -> float:
     """Part that is left of the gap's energy along the motion, above noise; 0 of a gap that is no louder than noise."""
     count = len(state.left)
-    above, first = _energy(state.left) - count, _energy(_nothing(state)) - count
+    above, first = _above_noise(state)
     return max(above, 0.0) / first if first > count > 0 else 0.0
 
 
