@@ -243,12 +243,13 @@ class _Shrunk:
         return float(np.hypot(np.std(blocks), np.sqrt(known) / max(1, len(names))))
 
     def interval(self) -> tuple[float, float] | None:
-        """95 % of what `by` is when blocks are drawn anew; None with it."""
-        if self.by() is None:
+        """95 % of `by` when blocks are drawn anew, and `by` itself, which takes more for noise; None: no gap."""
+        by = self.by()
+        if by is None:
             return None
         before, after = (drawn.gap() for drawn in self._drawn)
         low, high = np.quantile(1.0 - after / np.maximum(before, 1e-300), [0.025, 0.975])
-        return float(low), float(high)
+        return min(float(low), by), max(float(high), by)
 
 
 def _say_nothing(what: str) -> None:

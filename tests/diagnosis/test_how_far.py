@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pendulums import pendulum_run
 
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis.how_far import Fold, how_far
+from mbexport.core.diagnosis.how_far import Fold, _Shrunk, how_far
 from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
@@ -107,6 +108,15 @@ def test_noise_that_is_louder_than_on_average_is_no_gap():
     wrong = Fold((found("viscous_friction", coefficient=0.05),), (run,))
     half = how_far(DATABASE, "rigid", [wrong], "mjcf")[0].as_heard
     assert half.signals["tau"] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("by", "told"), [(0.98, (0.9, 0.98)), (0.92, (0.9, 0.95))])
+def test_how_far_a_gap_shrinks_lies_within_its_interval(by, told):
+    """Blocks drawn anew leave of noise what the whole takes for it."""
+    before = SimpleNamespace(gap=lambda: np.ones(1001))
+    after = SimpleNamespace(gap=lambda: np.linspace(0.1013, 0.0487, 1001))
+    low, high = _Shrunk.interval(SimpleNamespace(by=lambda: by, _drawn=(before, after)))
+    assert (low, high) == pytest.approx(told, abs=2e-3)
 
 
 def test_what_numbers_may_be_off_by_is_told_as_gap():
