@@ -26,7 +26,7 @@ from .how_far import Fold, corrected, how_far, name_of
 from .hypotheses import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
-from .nuisances import Whitening, whitening
+from .nuisances import STAMPS_OF_TAU, Whitening, whitening
 from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
@@ -45,6 +45,7 @@ from .search import (
     rows_of,
     without_bodies,
 )
+from .stamps import FINE, MOST_HELD, SHORTEST, in_step, torque_shift_said
 from .unseen import (
     EARNS,
     NOTHING,
@@ -743,7 +744,7 @@ class Judge:
         folds = [
             Fold(
                 tuple(replace(item, row=row) for item, row in zip(found, rows, strict=True)),
-                tuple(self.runs[k] for k in way.unseen),
+                self._in_step(found, rows, way),
                 unsure(self.database, self.level, [self.runs[j] for j in way.seen], number, self.slopes)
                 if number
                 else {},
@@ -761,6 +762,33 @@ class Judge:
         fitted = [_as_fitted(noise, gap) for noise, gap in zip(noises, gaps, strict=True)]
         nominal = robot_of(self.database, self.level, judged_runs[0])
         return answer, overlays, gap_of(left, noises, judged_runs, nominal, fitted)
+
+    def out_of_step(self, held: Held) -> list[str]:
+        """What to say of torques that were taken to act plainly earlier or later than they were recorded."""
+        return [
+            torque_shift_said(run, samples / run.rate)
+            for way, rows in zip(self.ways, held.unseen.rows, strict=True)
+            for run in (self.runs[k] for k in way.unseen)
+            if held.found and abs(samples := self._lateness(held.found, rows, way)) >= SHORTEST
+        ]
+
+    def _in_step(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> tuple[Run, ...]:
+        """The runs that a split did not see, with torques at the time at which those it saw say that they act."""
+        samples = self._lateness(found, rows, way)
+        return tuple(in_step(self.runs[k], samples) for k in way.unseen)
+
+    def _lateness(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> float:
+        """By how many samples torques come later than they act, as the runs that a split saw say; less than 0: earlier.
+
+        Where a controller is known, so is this. Where it is not, nobody said for how long it holds a torque, which acts
+        half of that later.
+        """
+        if not self.by_bands:
+            return 0.0
+        part, whiten = self.whole.only(way.seen), self.whiten.only(self.whole.evidence.places(way.seen))
+        table = rows_of([replace(item, row=row) for item, row in zip(found, rows, strict=True)])
+        samples = whiten.amounts(part.misfit(table)).get(STAMPS_OF_TAU, 0.0)
+        return FINE * round(min(max(samples, -MOST_HELD), MOST_HELD) / FINE)
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

@@ -23,6 +23,7 @@ Vector = NDArray[np.float64]
 # one standard deviation of how long a torque is held, in ticks: another integrator's half is three of them, and a drive
 # that is a whole tick late is not to be taken for it
 HOLD = 0.15
+STAMPS_OF_TAU = "stamps of tau"
 _NAMES = {"hold": "hold of the torque", "speed": "tick of the controller's speed"}
 
 

@@ -3,8 +3,8 @@
 Inverse dynamics along a smoothed motion says which effects there are, and their numbers to a few parts in a hundred.
 A simulation knows holds, ticks and a loop's own answer exactly; from where the numbers are it is nearly linear in them,
 so that one Gauss-Newton step is enough. Only in a delay it is not: a record made at ticks jumps where a delay becomes
-another whole number of them, and so several are tried before. And what rings faster than a smoothed motion shows seems
-to be damped there: less damping is tried, too.
+another whole number of them, and so several are tried before. What rings faster than a smoothed motion shows seems to
+be damped there: less damping is tried, too. And a play's impacts, which smoothing takes away, say how wide it is.
 """
 
 from __future__ import annotations
@@ -48,6 +48,9 @@ DAMPING = {
     "joint_compliance_6d": ("bx", "by", "bz", "brx", "bry", "brz"),
     "link_flexibility": ("bu", "bv"),
 }
+# how wide a play may be, as parts of what the smoothed motion says, which is no nearer than these are to each other
+WIDTHS = (0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2)
+PLAY = ("backlash", "gap")
 # how many times as many steps as without it an engine may need for a cause that is tried
 STIFFER = 4.0
 # how many times as much of a cause there may be as the measured motion has it, for which it tells little of it
@@ -173,6 +176,7 @@ def polished(
     try:
         before = loose.energy(left(start))
         start = _ringing(fit, start, lambda x: loose.energy(left(x)))
+        start = _wide(fit, start, lambda x: loose.energy(left(x)))
         step = _step(start, sigma)
         near = np.maximum(NEAR * step, sigma)
         weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
@@ -200,6 +204,8 @@ def polished(
     if cost(now, x) >= before:
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
+    # where impacts are is sudden: two ways to a width are as far apart as either may be from the truth
+    scatter = np.maximum(scatter, np.where(_plays(fit), np.square(x - _numbers(fit)[0]), 0.0))
     rows = problem.rounded_out(rows_at(fit, x))
     return replace(fit, rows=rows, covariance=_widened(fit.covariance, scatter))
 
@@ -273,6 +279,18 @@ def _ringing(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vect
     """Numbers with as much of their springs' damping as leaves least energy."""
     damped = np.array([name in DAMPING.get(effect, ()) for effect, _, name in fit.free])
     return min((np.where(damped, part * x, x) for part in RINGS), key=energy) if damped.any() else x
+
+
+def _plays(fit: Refined) -> NDArray[np.bool_]:
+    """Which of a fit's numbers are widths of play, shape (k,)."""
+    return np.array([(effect, name) == PLAY for effect, _, name in fit.free], dtype=bool)
+
+
+def _wide(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vector:
+    """Numbers with each play as wide as leaves least energy."""
+    for k in np.flatnonzero(_plays(fit)).tolist():
+        x = min((_with(x, k, part * x[k]) for part in WIDTHS), key=energy)
+    return x
 
 
 def _right_tick(energy: Callable[[float], float], ticks: float) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ FURTHEST = 3.0
 HOLE = 0.6
 # a shift so near to whole samples is one of whole samples
 WHOLE = 0.1
+# a torque acts so many samples of a record later at most than it is asked for; how finely that is told [samples]
+MOST_HELD, FINE = 0.5, 0.02
 # of one channel alone, to which a drag says nearly the same: so near to whole samples, where it leaves such a part
 ALONE, MOST_LEFT = 0.02, 0.25
 
@@ -99,6 +102,12 @@ def unshifted(run: Run, shift: float, names: Collection[str] = MEASURED) -> Run:
     for name in (name for name in names if run.has(name)):
         signals[name] = np.where(there[:, None], linear(run.t, run.signals[name], run.t + shift), np.nan)
     return replace(run, signals=signals)
+
+
+@lru_cache(maxsize=32)
+def in_step(run: Run, samples: float) -> Run:
+    """The run with its motor torques put back by a part of a sample; kept, for what is simulated of it is."""
+    return unshifted(run, samples / run.rate, ("tau",))
 
 
 def shift_said(run: Run, shift: float) -> str:

@@ -115,7 +115,7 @@ def pendulum_run(
     random = np.random.default_rng(seed)
     at = np.clip(t - late, 0.0, None)
     place = np.interp(at, ticks, states[:, 0])
-    held = tau[np.floor(np.clip(at - torque_late, 0.0, None) * 1000 + 1e-6).astype(int)]
+    held = tau[np.floor(np.clip(at - torque_late, 0.0, duration) * 1000 + 1e-6).astype(int)]
     signals = {
         "q": place[:, None] + sigma["q"] * random.normal(size=(len(t), 1)),
         "tau": held[:, None] + sigma["tau"] * random.normal(size=(len(t), 1)),

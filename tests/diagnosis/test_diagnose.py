@@ -191,6 +191,17 @@ def test_what_is_left_below_the_noise_of_accelerations_is_open():
     assert 0.05 < answer.unexplained.share < 0.3
 
 
+def test_a_torque_that_acts_a_little_later_is_no_gap_where_nobody_knows_its_controller():
+    """A tick that a record does not tell of: half of it is the hold's, and the rest a drive's."""
+    held = runs(lambda t, q, dq: 0.4 * dq, mode="unknown", torque_late=-1e-3, noise={"q": 2e-5, "tau": 0.002})
+    answer = mbexport.diagnose("pendulum", held, level="rigid", backends=[])
+    assert [item.effect for item in answer.which] == ["viscous_friction"]
+    assert answer.verdict == "explained"
+    assert answer.how_far.shrinks_by > 0.98
+    assert answer.how_far.after["tau"] < 1.1 * answer.how_far.noise["tau"]
+    assert any("The torque in swing comes 1.5" in note for note in answer.notes)
+
+
 def loud(against=None, torque=0.01):
     """Recorded motions with loud positions; nothing is known of a controller."""
     return runs(against, mode="unknown", noise={"q": 6e-4, "tau": torque})

@@ -20,7 +20,7 @@ from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
 
-from .pendulums import FINE, pendulum_run
+from .pendulums import FINE, pendulum_run, soft_run
 
 RANDOM = np.random.default_rng(4)
 # two runs of some rows and channels, three tolerances
@@ -171,6 +171,21 @@ def test_an_option_that_no_robot_can_have_closes_nothing():
     light = {"rotor_inertia": (EffectRow(1, {"inertia": -5.0}),)}
     _, energies = closing(asked, "full", runs, fit, [light], "mjcf")
     assert energies == [math.inf]
+
+
+def test_how_wide_a_play_is_is_told_by_simulation_too():
+    """An interval knows of two ways to it which are apart."""
+    hard = {"stiffness": 400.0, "damping": 2.0}
+    runs = [soft_run(400.0, 2.0, gap=0.02, seed=seed) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    play = Found("backlash", 1, EffectRow(1, {"gap": 0.018, **hard}), 50.0)
+    fit = refined(asked, whitening(asked), [play], blocks(asked.evidence))
+    sure = replace(fit, rows={play.key: play.row}, covariance=np.diag([1e-10] * len(fit.free)))
+    better = polished(asked, "rigid", runs, sure, "mjcf")
+    told = better.rows[play.key].values["gap"]
+    assert told == pytest.approx(0.02, rel=0.02)
+    gap = next(k for k, (_, _, name) in enumerate(better.free) if name == "gap")
+    assert math.sqrt(better.covariance[gap, gap]) >= told - 0.018
 
 
 @pytest.mark.parametrize(("seconds", "t"), [(1.0, 12.706), (4.0, 2.3646)])
