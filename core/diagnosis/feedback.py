@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Run
+from ..recording import Run, steps_of
 
 Vector = NDArray[np.float64]
 
@@ -67,13 +67,14 @@ def sensors_alone(run: Run) -> Run:
 
     What is left of torques' scatter is their sensors'.
     """
-    joints, signals = told(run), dict(run.signals)
+    joints, signals, steps = told(run), dict(run.signals), dict(run.steps)
     if joints is None:
         return run
     for name in ("tau", "tau_link"):
         if (parts := followed(run, name)) is not None:
             signals[name] = signals[name] - np.where(joints, parts * _fed_back(run), 0.0)
-    return replace(run, signals=signals, beside=tuple(sensors_alone(other) for other in run.beside))
+            steps[name] = steps_of(run, name)
+    return replace(run, signals=signals, beside=tuple(sensors_alone(other) for other in run.beside), steps=steps)
 
 
 def _fed_back(run: Run) -> Vector:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..recording import Run
+from ..recording import Run, steps_of
 from ..recording.run import MEASURED
 from ..representation import Robot
 from .noise import Noise
@@ -94,14 +94,15 @@ def unshifted(run: Run, shift: float, names: Collection[str] = MEASURED) -> Run:
     """
     if not shift:
         return run
-    signals = dict(run.signals)
+    signals, steps = dict(run.signals), dict(run.steps)
     at = run.t + shift
     after = np.clip(np.searchsorted(run.t, at), 1, len(run.t) - 1)
     near = np.minimum(np.abs(run.t[after] - at), np.abs(at - run.t[after - 1])) < HOLE / run.rate
     there = near & (at >= run.t[0]) & (at <= run.t[-1] + HOLE / run.rate)
     for name in (name for name in names if run.has(name)):
         signals[name] = np.where(there[:, None], linear(run.t, run.signals[name], run.t + shift), np.nan)
-    return replace(run, signals=signals)
+        steps[name] = steps_of(run, name)
+    return replace(run, signals=signals, steps=steps)
 
 
 @lru_cache(maxsize=32)

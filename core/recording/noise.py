@@ -72,26 +72,41 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
     on below by the autoregression, whose colour runs beside it tell as well. Of channels that seem slow, runs beside it
     may know that they are white, or far quieter: friction's steps and a motion's bends pass for slow noise, and nothing
-    passes for noise that is less.
+    passes for noise that is less. Where all of three runs or more seem slow, the one in the middle is taken for all.
 
     Raises:
         KeyError: The run has no such signal.
     """
     own = _estimated(run, signal)
     slow = np.flatnonzero(own.slow)
-    if own.stated or not len(slow):
+    if not len(slow):
         return own
-    others = [_estimated(one, signal) for one in run.beside if one.has(signal)]
-    terms = max(one.ar.shape[1] for one in (own, *others))
+    runs = [own, *(_estimated(one, signal) for one in run.beside if one.has(signal))]
+    terms = max(one.ar.shape[1] for one in runs)
     sigma, ar = own.sigma.copy(), np.pad(own.ar, ((0, 0), (0, terms - own.ar.shape[1])))
-    for other in others:
-        for i in slow.tolist():
-            floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
-            if floor < other.sigma[i] < sigma[i] / (_MUCH_LOUDER if other.slow[i] else _LOUDER):
-                sigma[i], ar[i] = other.sigma[i], 0.0
-                if other.slow[i]:
-                    ar[i, : other.ar.shape[1]] = other.ar[i]
+    for i in slow.tolist():
+        best = _knows_best(runs, i)
+        sigma[i], ar[i] = sigma[i] if own.stated else best.sigma[i], 0.0
+        if best.slow[i]:
+            ar[i, : best.ar.shape[1]] = best.ar[i]
     return replace(own, sigma=sigma, ar=ar)
+
+
+def _knows_best(runs: Sequence[ChannelNoise], i: int) -> ChannelNoise:
+    """Which of several runs, the first of which is asked about, knows a channel best that seems slow in that one."""
+    own, others = runs[0], runs[1:]
+    if own.stated:
+        return next((one for one in others if not one.slow[i]), own)
+    best = own
+    for other in others:
+        floor = _MOVED * float(other.step[min(i, len(other.step) - 1)]) / np.sqrt(12.0)
+        less = own.sigma[i] / (_MUCH_LOUDER if other.slow[i] else _LOUDER)
+        if floor < other.sigma[i] < min(less, best.sigma[i]):
+            best = other
+    if best is own and len(runs) > 2 and all(one.slow[i] for one in runs):
+        # all draw on what they see, and are as often too low as too high
+        best = sorted(runs, key=lambda one: float(one.sigma[i]))[(len(runs) - 1) // 2]
+    return best
 
 
 @lru_cache(maxsize=256)
@@ -152,7 +167,7 @@ def _heard(recorded: _Recorded, signal: str) -> _Signal:
     """Every channel of a signal by itself; made once."""
     run = recorded.run
     # moved samples are no multiples of a step any more
-    steps = np.array([quantisation(column) for column in run.signals[signal].T])
+    steps = steps_of(run, signal)
     run = _evenly(run, signal)
     values, known = run.signals[signal], _motion_of(run)
     there = np.isfinite(values).sum(axis=0) >= LENGTHS[-1] // 2
@@ -198,6 +213,12 @@ def _slope(values: Vector, t: Vector) -> Vector:
     rows = np.arange(len(t))
     before, after = np.maximum(rows - _ASIDE, 0), np.minimum(rows + _ASIDE, len(t) - 1)
     return (values[after] - values[before]) / (t[after] - t[before])[:, None]
+
+
+def steps_of(run: Run, signal: str) -> Vector:
+    """Steps of which a signal's values are whole multiples, or were when they were recorded, shape (n,); 0: of none."""
+    known = run.steps.get(signal)
+    return np.array([quantisation(column) for column in run.signals[signal].T]) if known is None else known
 
 
 def quantisation(values: Vector) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,6 +58,8 @@ class Run:
         left_out: Bad samples and stamps.
         rate: Median sampling rate [Hz].
         beside: Other runs of the same sensors under the same control, by which noise is known better.
+        steps: Signal -> what its values were whole multiples of when they were recorded, shape (n,), 0 where of none,
+            for signals that were changed since; of others it is found.
     """
 
     name: str
@@ -71,6 +73,7 @@ class Run:
     left_out: tuple[LeftOut, ...]
     rate: float
     beside: tuple[Run, ...] = ()
+    steps: Mapping[str, Vector] = field(default_factory=dict[str, Vector])
 
     @property
     def n(self) -> int:

@@ -13,7 +13,7 @@ from mbexport.core.diagnosis.evidence import gather
 from mbexport.core.diagnosis.feedback import followed, hears, sensors_alone, told
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.sensed import noise_in
-from mbexport.core.recording.noise import known_together
+from mbexport.core.recording.noise import known_together, noise_of
 
 DATABASE = load("pendulum")
 # speeds shake the torque more than its sensor does
@@ -54,6 +54,16 @@ def test_a_torque_that_is_many_times_what_feedback_makes_is_another():
     louder = replace(run, signals={**run.signals, "tau": 10.0 * run.signals["tau"]})
     assert hears(louder) == pytest.approx(10.0, abs=1.0)
     assert told(louder) is None
+
+
+def test_a_torque_has_its_steps_without_what_its_loop_scatters_too():
+    """They are most of a slow sensor's high band: it was taken for white."""
+    step = 0.5 * SIGMA["tau"]
+    run = noisy_loop(SIGMA)
+    rounded = replace(run, signals={**run.signals, "tau": np.round(run.signals["tau"] / step) * step})
+    alone = sensors_alone(rounded)
+    assert np.std(alone.signals["tau"] - rounded.signals["tau"]) > step
+    assert noise_of(alone, "tau").step == pytest.approx([step])
 
 
 def test_a_torque_sensor_is_known_behind_what_its_loop_scatters():

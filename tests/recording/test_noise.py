@@ -114,6 +114,24 @@ def test_a_sensor_that_is_white_in_one_run_is_white_in_another():
         assert np.abs(noise_of(one, "tau").ar).sum(axis=1).max() < 0.2
 
 
+def test_a_stated_size_says_nothing_of_colour_and_a_run_that_is_white_does():
+    stated = {"tau": np.full(2, SIGMA["tau"])}
+    calm, other = recorded(swing, seed=1), stirred(recorded(swing, seed=2), 3, 1.0)
+    runs = [replace(one, noise=stated) for one in (calm, other)]
+    assert noise_of(runs[1], "tau").slow.all()
+    for one in known_together(runs):
+        assert not noise_of(one, "tau").slow.any()
+        np.testing.assert_array_equal(noise_of(one, "tau").sigma, stated["tau"])
+
+
+def test_of_three_runs_that_draw_on_slow_noise_the_one_in_the_middle_knows_it():
+    runs = [recorded(swing, 0.95, seed=seed) for seed in (1, 4)]
+    louder = stirred(recorded(swing, 0.95, seed=2), 3, 1.5)
+    *_, told = known_together([*runs, louder])
+    assert (noise_of(louder, "tau").sigma > 1.5 * SIGMA["tau"]).all()
+    np.testing.assert_allclose(noise_of(told, "tau").sigma, SIGMA["tau"], rtol=0.3)
+
+
 def test_runs_beside_each_other_tell_a_slow_colour_better():
     alone, together = [], []
     for first in range(0, 18, 3):
