@@ -122,9 +122,9 @@ def cut_softly(torque: Vector, limit: float, knee: float = 0.0) -> Vector:
         limit: What it comes to [N m or N].
         knee: Width, in limits.
     """
-    if not knee or not np.isfinite(limit):
-        return np.asarray(np.clip(torque, -limit, limit), dtype=np.float64)
     width = knee * limit
+    if not 0.0 < width < np.inf:
+        return np.asarray(np.clip(torque, -limit, limit), dtype=np.float64)
     beyond = _ramp(torque - limit, width) - _ramp(-torque - limit, width)
     return np.asarray(torque - beyond, dtype=np.float64)
 

@@ -220,6 +220,8 @@ def ahead(one: Vector, other: Vector) -> Vector:
     return small_turn(one.reshape(-1, 3, 3) @ other.reshape(-1, 3, 3).transpose(0, 2, 1))
 
 
+# as what is said may be
+@np.errstate(invalid="ignore")
 def coefficients(run: Prepared, values: dict[str, Vector], masks: dict[str, Vector]) -> dict[str, list[Vector]]:
     """Cosine coefficients of each channel below the band."""
     fft: Any = import_module("scipy.fft")

@@ -71,6 +71,8 @@ def _compiled(name: str) -> Any:
     return compile_text(getattr(module, name))
 
 
+# what numbers that no robot has make of a motion may be beyond all numbers, and is told from others by that
+@np.errstate(over="ignore", invalid="ignore")
 def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Beyond = ()) -> Said:
     """What the sensors of a robot would have said along a run's motor motion.
 

@@ -97,7 +97,11 @@ def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforw
     """
     gain = np.array([stage.drive.gain for stage in robot.stages])
     passive = np.array([stage.drive.passive for stage in robot.stages])
-    softness = np.where(passive, 0.0, 1.0 / np.where(passive, 1.0, gain * kp))
+    stiffness = np.where(passive, 1.0, gain * kp)
+    if (nothing := np.flatnonzero(~(stiffness > 0.0))).size:
+        joints = ", ".join(f"joint_{i + 1}" for i in nothing.tolist())
+        raise RefusedError(f"robot {robot.name}: the controller holds nothing at {joints}, whose drive gives no torque.")
+    softness = np.where(passive, 0.0, 1.0 / stiffness)
     return _Rest(robot, engine, command + softness * gain * feedforward, softness).found()
 
 

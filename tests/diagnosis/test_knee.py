@@ -60,6 +60,8 @@ def test_a_knee_of_no_width_cuts():
     assert np.array_equal(cut_softly(torque, 2.0), np.clip(torque, -2.0, 2.0))
     assert np.allclose(cut_softly(torque, 2.0, 1e-4), np.clip(torque, -2.0, 2.0), atol=2e-4)
     assert np.array_equal(cut_softly(torque, math.inf, 0.1), torque)
+    # a motor that gives nothing has no knee
+    assert np.array_equal(cut_softly(torque, 0.0, 0.1), np.zeros_like(torque))
 
 
 def test_over_a_knee_a_motor_gives_ever_less_the_same_both_ways():
