@@ -236,8 +236,10 @@ class Judge:
             # nor may what simulation alone speaks against stand in the way of what it does not
             failed |= {(item.effect, item.at) for item in dropped if item.why == GONE}
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
-        crumbs = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
-        return self._closed(held, [item for item in findings if (item.effect, item.place) in crumbs])
+        # a load or a tilt is felt at more joints than the one whose law may have another form
+        small = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
+        small |= {(item.effect, item.at) for item in dropped if item.why == OTHER_LAW and item.at == "robot"}
+        return self._closed(held, [item for item in findings if (item.effect, item.place) in small])
 
     def _tame(self, findings: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
         """What helps on runs that no fit saw and can be simulated there, its worth, and what was dropped."""
@@ -285,12 +287,12 @@ class Judge:
         others = {item.key for item, number, gain in sure if number and gain >= BEYOND_DOUBT}
         return self._needed(found) | others
 
-    def _closed(self, held: Held, crumbs: Sequence[Found]) -> Held:
-        """With the crumb that closes the gap in simulation, where one does: a loop may make much of a small cause."""
+    def _closed(self, held: Held, small: Sequence[Found]) -> Held:
+        """With the small cause that closes the gap in simulation, where one does: a loop may make much of it."""
         if not held.found or held.adequate or self.by_bands:
             return held
-        for crumb in crumbs:
-            found = (*held.found, crumb)
+        for item in small:
+            found = (*held.found, item)
             unseen = judged(self.whole, self.whiten, found, self.ways)
             if min(unseen.gains) < EARNS:
                 continue

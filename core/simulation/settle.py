@@ -100,7 +100,9 @@ def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforw
     stiffness = np.where(passive, 1.0, gain * kp)
     if (nothing := np.flatnonzero(~(stiffness > 0.0))).size:
         joints = ", ".join(f"joint_{i + 1}" for i in nothing.tolist())
-        raise RefusedError(f"robot {robot.name}: the controller holds nothing at {joints}, whose drive gives no torque.")
+        raise RefusedError(
+            f"robot {robot.name}: the controller holds nothing at {joints}, whose drive gives no torque."
+        )
     softness = np.where(passive, 0.0, 1.0 / stiffness)
     return _Rest(robot, engine, command + softness * gain * feedforward, softness).found()
 

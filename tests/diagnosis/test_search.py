@@ -16,6 +16,7 @@ from mbexport.core.diagnosis import inverse, refine
 from mbexport.core.diagnosis import search as searching
 from mbexport.core.diagnosis.alike import Alike, _springs_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
+from mbexport.core.diagnosis.diagnosis import Rejected
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, WILD, Judge
@@ -907,6 +908,30 @@ def test_what_closes_the_gap_in_simulation_is_no_crumb():
         "coulomb_friction",
     ]
     assert judge._closed(held, [spring]) is held
+
+
+def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):
+    """It is felt at more joints than that one; of a spring at the joint nobody could tell."""
+    runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.1 * dq) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+    viscous = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.1}), 50.0)
+    tilted = Found("base_tilt", 0, EffectRow(0, {"roll": 0.02, "pitch": 0.0}), 50.0)
+    spring = Found("joint_spring", 1, EffectRow(1, {"stiffness": 0.1, "rest": -1.0}), 50.0)
+    tame, offered = Judge._tame, []
+
+    def first_alone(self, findings):
+        found, unseen, dropped = tame(self, findings[:1])
+        return found, unseen, (*dropped, *(Rejected(one.effect, one.place, OTHER_LAW) for one in findings[1:]))
+
+    def closed(self, held, small):
+        offered.extend(small)
+        return held
+
+    monkeypatch.setattr(Judge, "_tame", first_alone)
+    monkeypatch.setattr(Judge, "_closed", closed)
+    judge.held([viscous, tilted, spring])
+    assert offered == [tilted]
 
 
 RUBS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
