@@ -370,7 +370,8 @@ def _asked_for(robot: Robot, signals: Mapping[str, Vector]) -> Mapping[str, Vect
 
 
 def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:
-    """Mode torque: every window begins where the smoothed measurement was; a delayed torque is there from before.
+    """Mode torque: every window begins as the smoothed measurement was, the first one at rest unless the run began in
+    motion; a delayed torque is there from before.
 
     Arms that give are bent by what they bear along the measured motion; what rings in them is not known.
     """
@@ -392,7 +393,8 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
         duration = float(max(end, run.t[inside][-1]) - begin) + 2.0 / rate
         torque = held_torque(run, begin + np.arange(int(duration * rate) + 2) / rate - robot.delay)
         q, dq, *arms = (values[number] for values in starts)
-        start = state_at(prompt, q, dq)
+        # a run begins at rest, or it would not be compared from its first row on; a filter's edge knows no speed
+        start = state_at(prompt, q, dq if begin > 0.0 else np.zeros_like(dq))
         if begin > 0.0 and arms:
             start = replace(start, q=arms[0], dq=arms[1])
         trace = simulate(

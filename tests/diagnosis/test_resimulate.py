@@ -179,6 +179,14 @@ def test_windows_of_a_torque_run_that_begins_in_motion_begin_where_its_motion_is
         assert all(np.isfinite(values).all() for values in noise_floor(DATABASE, "rigid", late).sigma.values())
 
 
+def test_a_torque_run_begins_at_rest():
+    """Of loud positions a filter's edge makes a speed, which half a second later is a gap."""
+    loud = [pendulum_run("torque", rate=1000.0, duration=1.0, noise={"q": 2e-3, "tau": 0.01}, seed=k) for k in range(8)]
+    ends = [residuals(run, resimulated(robot(run), robot(run), run, "mjcf"), robot(run))["q"][480:500] for run in loud]
+    drifts = np.abs([float(np.nanmean(one)) for one in ends])
+    assert drifts.max() < 4e-3
+
+
 def test_a_torque_whose_stamp_is_a_little_late_does_not_wait_for_the_next_tick():
     """And one stamped before its tick by as little is of that tick, as one on time is."""
     on_time = pendulum_run("torque", rate=1000.0)
