@@ -766,7 +766,7 @@ class Judge:
         return answer, overlays, gap_of(left, noises, judged_runs, nominal, fitted)
 
     def out_of_step(self, held: Held) -> list[str]:
-        """What to say of torques that were taken to act plainly earlier or later than they were recorded."""
+        """What to say of torques that were taken to act plainly later than they were recorded."""
         return [
             torque_shift_said(run, samples / run.rate)
             for way, rows in zip(self.ways, held.unseen.rows, strict=True)
@@ -780,17 +780,17 @@ class Judge:
         return tuple(in_step(self.runs[k], samples) for k in way.unseen)
 
     def _lateness(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> float:
-        """By how many samples torques come later than they act, as the runs that a split saw say; less than 0: earlier.
+        """By how many samples torques come later than they act, as the runs that a split saw say; never more than 0.
 
         Where a controller is known, so is this. Where it is not, nobody said for how long it holds a torque, which acts
-        half of that later.
+        half of that later than it is recorded.
         """
         if not self.by_bands:
             return 0.0
         part, whiten = self.whole.only(way.seen), self.whiten.only(self.whole.evidence.places(way.seen))
         table = rows_of([replace(item, row=row) for item, row in zip(found, rows, strict=True)])
         samples = whiten.amounts(part.misfit(table)).get(STAMPS_OF_TAU, 0.0)
-        return FINE * round(min(max(samples, -MOST_HELD), MOST_HELD) / FINE)
+        return FINE * round(min(max(samples, -MOST_HELD), 0.0) / FINE)
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

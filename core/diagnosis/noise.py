@@ -192,21 +192,21 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
     sees = _sees(run) if len(kp) else False
     if sees is False:
         return
-    if sees is None and run.has("tau") and "tau" in run.noise:
+    if sees is None and run.has("tau"):
+        # an estimated torque's scatter has the loop's in it
         seen = noise_in(_unstated(run), "tau").sigma
-        more = seen > BEYOND * sigma["tau"]
-        excess = np.sqrt(np.where(more, seen**2 - sigma["tau"] ** 2, 0.0))
+        own = sigma["tau"] if "tau" in run.noise else np.zeros(run.n)
+        excess = np.sqrt(np.where(seen > BEYOND * own, seen**2 - own**2, 0.0))
     else:
-        # what is plain needs no bound, and where nothing is an estimated torque's scatter has the loop's in it
+        # what is plain needs no bound
         excess = np.full(run.n, np.inf)
     if run.has("dq"):
         speed = noise_in(run, "dq")
-    elif run.has("tau") and "tau" in run.noise:
-        left = np.sqrt(np.maximum(excess**2 - (kp * q.sigma) ** 2, 0.0))
-        scatter = np.divide(left, kd, out=np.zeros(run.n), where=kd > 0.0)
-        speed = ChannelNoise(scatter, np.zeros((run.n, 1)), np.zeros(run.n), stated=False)
     else:
-        return
+        # of a speed that is not recorded nothing is known but what a stated torque's scatter leaves for it
+        left = np.sqrt(np.maximum(excess**2 - (kp * q.sigma) ** 2, 0.0)) if "tau" in run.noise else np.zeros(run.n)
+        scatter = np.divide(left, kd, out=np.zeros(run.n), where=(kd > 0.0) & np.isfinite(left))
+        speed = ChannelNoise(scatter, np.zeros((run.n, 1)), np.zeros(run.n), stated=False)
     grid = smoothed(run)
     draws = [(_drawn(run, q, 11 + k), _drawn(run, speed, 51 + k)) for k in range(LOOPS)]
     count = min(len(run.t), int(LOOP_TIME * run.rate))
@@ -425,7 +425,7 @@ def _perturbed_arms(arm: Arm, tolerance: Tolerance) -> Iterator[Arm]:
     if tolerance.inertia:
         for name in ("xx", "yy", "zz"):
             yield replace(arm, inertia=replace(body, **{name: getattr(body, name) * (1.0 + tolerance.inertia)}))
-    for size, names in ((tolerance.length, ("a", "d")), (tolerance.angle, ("alpha", "theta"))):
+    for size, names in ((tolerance.length, ("a", "d")), (tolerance.angle, ("alpha", "theta", "beta"))):
         if size:
             for name in names:
                 yield replace(arm, link=replace(link, **{name: getattr(link, name) + size}))

@@ -104,6 +104,34 @@ def test_a_soft_controller_gives_way_to_what_is_off():
         assert floor.tolerance[name][0] == pytest.approx(moved, rel=0.15)
 
 
+def test_all_angles_of_an_arm_may_be_off():
+    """The misalignment of the paper's parameters too: it had been left out."""
+    robot = robot_of(load("puma560"), "rigid", pendulum_run())
+    angles = [
+        (name, i)
+        for other in perturbed(robot, Tolerance(angle=1e-4))
+        for i, (one, new) in enumerate(zip(robot.stages, other.stages, strict=True))
+        for name in ("alpha", "theta", "beta")
+        if getattr(new.arm.link, name) - getattr(one.arm.link, name) == pytest.approx(1e-4, rel=1e-6)
+    ]
+    assert sorted(angles) == sorted((name, i) for name in ("alpha", "theta", "beta") for i in range(6))
+
+
+def test_a_loop_shakes_an_arm_though_its_speed_is_not_recorded_nor_its_torques_noise_stated():
+    """Slow noise of a position moves the motor as a command does; what sees the arm alone sees that."""
+    sigma = {"q": 1.0e-3, "dq": 1.0e-9, "tau": 1.0e-3}
+    run = noisy_loop(sigma, slope=0.99)
+    calm = noisy_loop(sigma, slope=0.99, loud=False)
+    arm = calm.signals["q"] + 1.0e-6 * np.random.default_rng(1).normal(size=(len(run.t), 1))
+    known = {"q": run.signals["q"], "tau": run.signals["tau"], "q_link": arm}
+    known |= {name: run.signals[name] for name in ("q_cmd", "dq_cmd")}
+    seen = replace(run, signals=known, noise={"q": np.array([sigma["q"]])})
+    quiet = noisy_loop(sigma, slope=0.99, heard=False)
+    shaken = float(np.std(run.signals["q"] - quiet.signals["q"]))
+    floor = noise_floor(DATABASE, "rigid", seen).sensor["q_link"][0]
+    assert floor == pytest.approx(shaken, rel=0.3)
+
+
 def test_noise_is_no_gap_and_a_faint_rub_is_one():
     quiet = [pendulum_run("pd", seed=seed) for seed in range(3)]
     floors = [noise_floor(DATABASE, "rigid", run) for run in quiet]
