@@ -72,7 +72,7 @@ def noise_of(run: Run, signal: str) -> ChannelNoise:
     is slower than the motion cannot be told from it: sigma then is what is seen above the motion's frequencies, drawn
     on below by the autoregression, whose colour runs beside it tell as well. Of channels that seem slow, runs beside it
     may know that they are white, or far quieter: friction's steps and a motion's bends pass for slow noise, and nothing
-    passes for noise that is less. Where all of three runs or more seem slow, the one in the middle is taken for all.
+    passes for noise that is less. Of three runs or more that seem slow and alike loud, the one in the middle is taken.
 
     Raises:
         KeyError: The run has no such signal.
@@ -103,9 +103,11 @@ def _knows_best(runs: Sequence[ChannelNoise], i: int) -> ChannelNoise:
         less = own.sigma[i] / (_MUCH_LOUDER if other.slow[i] else _LOUDER)
         if floor < other.sigma[i] < min(less, best.sigma[i]):
             best = other
-    if best is own and len(runs) > 2 and all(one.slow[i] for one in runs):
-        # all draw on what they see, and are as often too low as too high
-        best = sorted(runs, key=lambda one: float(one.sigma[i]))[(len(runs) - 1) // 2]
+    if best is own and all(one.slow[i] for one in runs):
+        # all that are not much louder draw on what they see, and are as often too low as too high
+        less = _MUCH_LOUDER * min(float(one.sigma[i]) for one in runs)
+        near = sorted((one for one in runs if one.sigma[i] <= less), key=lambda one: float(one.sigma[i]))
+        best = near[(len(near) - 1) // 2] if len(near) > 2 else own
     return best
 
 

@@ -130,6 +130,10 @@ def test_of_three_runs_that_draw_on_slow_noise_the_one_in_the_middle_knows_it():
     *_, told = known_together([*runs, louder])
     assert (noise_of(louder, "tau").sigma > 1.5 * SIGMA["tau"]).all()
     np.testing.assert_allclose(noise_of(told, "tau").sigma, SIGMA["tau"], rtol=0.3)
+    # but what is far louder in two of them is their motions'
+    far = [stirred(recorded(swing, 0.95, seed=seed), seed + 9, 8.0) for seed in (3, 4)]
+    *_, quiet = known_together([*far, runs[0]])
+    np.testing.assert_allclose(noise_of(quiet, "tau").sigma, SIGMA["tau"], rtol=0.3)
 
 
 def test_runs_beside_each_other_tell_a_slow_colour_better():
