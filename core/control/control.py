@@ -38,6 +38,7 @@ class Control:
         every: The command that it follows changes at every so many ticks only. No log says so: it is suspected.
         differenced: Its speeds are differences of positions over so many ticks, half of them late; 0: as measured.
             Suspected, too.
+        held: For how long a controller that is unknown holds the torque that is recorded [s]; 0: not at all.
     """
 
     mode: Mode = "motion"
@@ -48,6 +49,7 @@ class Control:
     torque_limit: tuple[float, ...] = ()
     every: int = 1
     differenced: int = 0
+    held: float = 0.0
 
     def commanded_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:
         """When the command was given that is followed at times t [s], same shape."""

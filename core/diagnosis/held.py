@@ -45,7 +45,7 @@ from .search import (
     rows_of,
     without_bodies,
 )
-from .stamps import FINE, MOST_HELD, SHORTEST, in_step, torque_shift_said
+from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
 from .unseen import (
     EARNS,
     NOTHING,
@@ -765,32 +765,31 @@ class Judge:
         nominal = robot_of(self.database, self.level, judged_runs[0])
         return answer, overlays, gap_of(left, noises, judged_runs, nominal, fitted)
 
-    def out_of_step(self, held: Held) -> list[str]:
-        """What to say of torques that were taken to act plainly later than they were recorded."""
+    def said_of_torques(self, held: Held) -> list[str]:
+        """What to say of torques that unknown controllers plainly hold."""
         return [
-            torque_shift_said(run, samples / run.rate)
+            held_said(run, samples)
             for way, rows in zip(self.ways, held.unseen.rows, strict=True)
             for run in (self.runs[k] for k in way.unseen)
-            if held.found and abs(samples := self._lateness(held.found, rows, way)) >= SHORTEST
+            if held.found and (samples := self._holds(held.found, rows, way)) >= 2.0 * SHORTEST
         ]
 
     def _in_step(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> tuple[Run, ...]:
-        """The runs that a split did not see, with torques at the time at which those it saw say that they act."""
-        samples = self._lateness(found, rows, way)
-        return tuple(in_step(self.runs[k], samples) for k in way.unseen)
+        """The runs that a split did not see, their torques held as long as those that it saw say."""
+        samples = self._holds(found, rows, way)
+        return tuple(with_held_torque(self.runs[k], samples) for k in way.unseen)
 
-    def _lateness(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> float:
-        """By how many samples torques come later than they act, as the runs that a split saw say; never more than 0.
+    def _holds(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> float:
+        """For how many samples a torque is held, as the runs that a split saw say; 0 where controllers are known.
 
-        Where a controller is known, so is this. Where it is not, nobody said for how long it holds a torque, which acts
-        half of that later than it is recorded.
+        It acts half of that later than it is recorded, which the motion that it makes tells.
         """
         if not self.by_bands:
             return 0.0
         part, whiten = self.whole.only(way.seen), self.whiten.only(self.whole.evidence.places(way.seen))
         table = rows_of([replace(item, row=row) for item, row in zip(found, rows, strict=True)])
-        samples = whiten.amounts(part.misfit(table)).get(STAMPS_OF_TAU, 0.0)
-        return FINE * round(min(max(samples, -MOST_HELD), 0.0) / FINE)
+        late = whiten.amounts(part.misfit(table)).get(STAMPS_OF_TAU, 0.0)
+        return FINE * round(min(max(-2.0 * late, 0.0), LONGEST_HELD) / FINE)
 
     def _simulated(self, folds: Sequence[Fold], found: bool) -> tuple[HowFar, tuple[Overlay, ...]]:
         """How far the gap shrinks, in the engine asked for, or in the first other that takes the corrected robot."""

@@ -111,10 +111,10 @@ def resimulated_once(
         grid = smoothed(run)
         if run.locked:
             speech = said(robot, grid, nominal, creep_of(grid))
-            names = (name for name in ("tau", "tau_link") if run.has(name))
-            return {name: _between(grid.t, getattr(speech, name), run.t) for name in names}
+            acts = {"tau": run.t + 0.5 * run.control.held, "tau_link": run.t}
+            return {name: _between(grid.t, getattr(speech, name), at) for name, at in acts.items() if run.has(name)}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
-        return _asked_for(robot, _simulated(robot, nominal, run, backend, law, control, None, step))
+        return _asked_for(robot, run, _simulated(robot, nominal, run, backend, law, control, None, step))
     if mode == "motion":
         return _simulated(robot, nominal, run, backend, run.motion(), run.control, None, step)
     # the tick of a last row that is stamped a little early is behind the table's end, where a command would stop
@@ -357,16 +357,18 @@ def _simulated(
     return _at(run.t, trace.t[known], signals, held=control.mode == "pd")
 
 
-def _asked_for(robot: Robot, signals: Mapping[str, Vector]) -> Mapping[str, Vector]:
+def _asked_for(robot: Robot, run: Run, signals: Mapping[str, Vector]) -> Mapping[str, Vector]:
     """Signals of an imposed motion as a controller nobody knows leaves them: motors are asked for less than they give.
 
-    Where a motion is imposed gains do not act, so that a simulation has the drive's own torque.
+    Where a motion is imposed gains do not act, so that a simulation has the drive's own torque; and a torque that is
+    held makes what a continuous one would half of that later.
     """
     if "tau" not in signals:
         return signals
     gain = np.array([stage.drive.gain for stage in robot.stages])
     offset = np.array([stage.sensor.torque_offset for stage in robot.stages])
-    return {**signals, "tau": (signals["tau"] - offset) / gain + offset}
+    tau = linear(run.t, signals["tau"], run.t + 0.5 * run.control.held)
+    return {**signals, "tau": (tau - offset) / gain + offset}
 
 
 def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | None) -> dict[str, Vector]:

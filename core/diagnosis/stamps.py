@@ -34,8 +34,8 @@ FURTHEST = 3.0
 HOLE = 0.6
 # a shift so near to whole samples is one of whole samples
 WHOLE = 0.1
-# a torque acts so many samples of a record later at most than it is asked for; how finely that is told [samples]
-MOST_HELD, FINE = 0.5, 0.02
+# for how many samples of a record an unknown controller holds a torque at most, and how finely that is told
+LONGEST_HELD, FINE = 1.0, 0.04
 # of one channel alone, to which a drag says nearly the same: so near to whole samples, where it leaves such a part
 ALONE, MOST_LEFT = 0.02, 0.25
 
@@ -106,9 +106,18 @@ def unshifted(run: Run, shift: float, names: Collection[str] = MEASURED) -> Run:
 
 
 @lru_cache(maxsize=32)
-def in_step(run: Run, samples: float) -> Run:
-    """The run with its motor torques put back by a part of a sample; kept, for what is simulated of it is."""
-    return unshifted(run, samples / run.rate, ("tau",))
+def with_held_torque(run: Run, samples: float) -> Run:
+    """The run whose unknown controller holds its torque for so many samples; kept, for what is simulated of it is."""
+    return replace(run, control=replace(run.control, held=samples / run.rate)) if samples else run
+
+
+def held_said(run: Run, samples: float) -> str:
+    """What to say of a torque that is held for so many samples by a controller that nobody knows."""
+    late = 0.5 * samples
+    return (
+        f"The torque in {run.name} acts {_milliseconds(late / run.rate)} ({late:.2f} samples) later than it is recorded, "
+        "as one that is held does; that is taken out and is no effect."
+    )
 
 
 def shift_said(run: Run, shift: float) -> str:
@@ -128,8 +137,12 @@ def torque_shift_said(run: Run, shift: float) -> str:
     )
 
 
+def _milliseconds(seconds: float) -> str:
+    return f"{1e3 * seconds:.3f} ms"
+
+
 def _long(run: Run, shift: float) -> str:
-    return f"{1e3 * abs(shift):.3f} ms ({abs(shift) * run.rate:.2f} samples) {'after' if shift > 0.0 else 'before'}"
+    return f"{_milliseconds(abs(shift))} ({abs(shift) * run.rate:.2f} samples) {'after' if shift > 0.0 else 'before'}"
 
 
 def _told(run: Run, robot: Robot, simulated: Mapping[str, Vector], noise: Noise) -> list[_Told]:

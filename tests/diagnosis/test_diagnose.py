@@ -199,7 +199,7 @@ def test_a_torque_that_acts_a_little_later_is_no_gap_where_nobody_knows_its_cont
     assert answer.verdict == "explained"
     assert answer.how_far.shrinks_by > 0.98
     assert answer.how_far.after["tau"] < 1.1 * answer.how_far.noise["tau"]
-    assert any("The torque in swing comes 1.5" in note for note in answer.notes)
+    assert any("The torque in swing acts 1.5" in note for note in answer.notes)
 
 
 def loud(against=None, torque=0.01):
