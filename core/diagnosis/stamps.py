@@ -115,8 +115,8 @@ def held_said(run: Run, samples: float) -> str:
     """What to say of a torque that is held for so many samples by a controller that nobody knows."""
     late = 0.5 * samples
     return (
-        f"The torque in {run.name} acts {_milliseconds(late / run.rate)} ({late:.2f} samples) later than it is recorded, "
-        "as one that is held does; that is taken out and is no effect."
+        f"The torque in {run.name} acts {_milliseconds(late / run.rate)} ({late:.2f} samples) later than it is "
+        "recorded, as one that is held does; that is taken out and is no effect."
     )
 
 
