@@ -614,10 +614,16 @@ def beside(state: Search, found: Sequence[Found]) -> list[Found]:
 
 
 def _fits(state: Search, skip: Sequence[tuple[str, int]] = ()) -> list[Fitting]:
-    """Every hypothesis beside what was found: what would be left with none of it, and its slope."""
+    """Every hypothesis beside what was found: what would be left with none of it, and its slope.
+
+    None is beside what no robot can have, as numbers may be that are moved to where they are without another finding.
+    """
     problem = state.problem
     rows = rows_of(state.found)
-    base = problem.residual(rows)
+    try:
+        base = problem.residual(rows)
+    except MbexportError:
+        return []
     now = scales_of(problem, rows)
     if state.scales is None:
         state.scales = now

@@ -46,6 +46,7 @@ from mbexport.core.diagnosis.search import (
     _most_gone,
     _ringing,
     _swapped,
+    contenders,
     prune,
     rows_of,
     search,
@@ -53,7 +54,7 @@ from mbexport.core.diagnosis.search import (
 )
 from mbexport.core.diagnosis.unseen import EARNS, Short, Split, Unseen, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
-from mbexport.core.errors import RefusedError
+from mbexport.core.errors import MbexportError, RefusedError
 from mbexport.core.kinematics import dynamics
 from mbexport.core.motion import from_table
 from mbexport.core.recording import Run
@@ -908,6 +909,19 @@ def test_what_closes_the_gap_in_simulation_is_no_crumb():
         "coulomb_friction",
     ]
     assert judge._closed(held, [spring]) is held
+
+
+def test_nothing_stands_beside_what_no_robot_can_have():
+    """Where another finding goes a body may be moved to less than none: that ended a diagnosis."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(duration=1.0)])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    light = EffectRow(1, {"inertia": -5.0})
+    rubs = EffectRow(1, {"torque": 0.1})
+    state.found = (Found("rotor_inertia", 1, light, 50.0), Found("coulomb_friction", 1, rubs, 50.0))
+    with pytest.raises(MbexportError, match="inertia"):
+        asked.residual(rows_of(state.found))
+    assert contenders(state, blocks(asked.evidence)) == []
 
 
 def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):
