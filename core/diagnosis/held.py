@@ -768,10 +768,10 @@ class Judge:
     def said_of_torques(self, held: Held) -> list[str]:
         """What to say of torques that unknown controllers plainly hold."""
         return [
-            held_said(run, samples)
+            held_said(self.runs[k], samples)
             for way, rows in zip(self.ways, held.unseen.rows, strict=True)
-            for run in (self.runs[k] for k in way.unseen)
             if held.found and (samples := self._holds(held.found, rows, way)) >= 2.0 * SHORTEST
+            for k in way.unseen
         ]
 
     def _in_step(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> tuple[Run, ...]:

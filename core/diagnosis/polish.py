@@ -153,7 +153,8 @@ def polished(
             return None
     except MbexportError:
         return None
-    start, sigma = _numbers(fit)
+    along_motion, sigma = _numbers(fit)
+    start = along_motion
     loose = _Loose.of([_tolerances(problem.database, level, run, tables(fit.rows)) for run in runs])
 
     def left_of(run: Run, x: Vector) -> Vector:
@@ -166,6 +167,9 @@ def polished(
     def left(x: Vector) -> list[Vector]:
         return [left_of(run, x) for run in runs]
 
+    def energy(x: Vector) -> float:
+        return loose.energy(left(x))
+
     def cost(values: Sequence[Vector], x: Vector) -> float:
         return loose.energy(values) + float(np.sum((weight * (x - start)) ** 2))
 
@@ -174,15 +178,14 @@ def polished(
     memory = known if known and late is None and not far else KnownSlopes()
     rounds, parts = (ROUNDS, PARTS[:1]) if late is None and not far else (ROUNDS_FROM_AFAR, PARTS)
     try:
-        before = loose.energy(left(start))
-        start = _ringing(fit, start, lambda x: loose.energy(left(x)))
-        start = _wide(fit, start, lambda x: loose.energy(left(x)))
+        before = energy(start)
+        start = _wide(fit, _ringing(fit, start, energy), energy)
         step = _step(start, sigma)
         near = np.maximum(NEAR * step, sigma)
         weight = 1.0 / np.maximum((LOOSER if far else LOOSE) * sigma, 1e-3 * step)
         if late is not None:
             tick = tick_of(problem)
-            ticks = _right_tick(lambda at: loose.energy(left(_with(start, late, tick * at))), start[late] / tick)
+            ticks = _right_tick(lambda at: energy(_with(start, late, tick * at)), start[late] / tick)
             start, weight = _with(start, late, tick * ticks), _with(weight, late, 1.0 / tick)
         # what is recorded jumps where a delay is a whole number of ticks
         limits = _limits(problem, fit, start)
@@ -205,7 +208,7 @@ def polished(
         return None
     scatter = _scatter(loose, now, slopes, runs, weight)
     # where impacts are is sudden: two ways to a width are as far apart as either may be from the truth
-    scatter = np.maximum(scatter, np.where(_plays(fit), np.square(x - _numbers(fit)[0]), 0.0))
+    scatter = np.maximum(scatter, np.where(_plays(fit), np.square(x - along_motion), 0.0))
     rows = problem.rounded_out(rows_at(fit, x))
     return replace(fit, rows=rows, covariance=_widened(fit.covariance, scatter))
 
