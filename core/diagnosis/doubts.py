@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of
+from ..effects import EffectRow
+from .beyond import LIMIT, SECOND, SECOND_PHASE, SPRINGS, STIFFENING, beyond_of, by_catalogue
 from .fit import Part, gained, spread
-from .forms import have_other_forms, other_forms
+from .forms import have_other_forms, law_along, other_forms
 from .hypotheses import defaults
 from .inverse import stretch_of
 from .model import tables
@@ -27,6 +28,8 @@ from .search import Found, gives_alone
 from .unseen import EARNS
 
 Vector = NDArray[np.float64]
+# a number is moved by so much of itself, and what two numbers do is alike where it differs by less than this part
+STEP, ALIKE = 1.0e-3, 1.0e-2
 # by effect, number of its place and column: how far a number may be another one [SI]
 Doubts = Mapping[tuple[str, int, str], float]
 
@@ -49,7 +52,7 @@ def doubts_of(
         nearest: With the catalogue's in their place, as they are handed on.
         parts: Of the evidence.
     """
-    out = _beyond(problem, fit, nearest)
+    out = _beyond(problem, fit, nearest) | _harmonics(problem, found, fit)
     return out | {
         key: max(value, out.get(key, 0.0)) for key, value in _formed(problem, whiten, found, fit, parts).items()
     }
@@ -132,7 +135,8 @@ def _formed(
     optimize: Any = import_module("scipy.optimize")
 
     whole = [replace(item, row=fit.rows[item.key]) for item in found]
-    forms = other_forms(problem, whole)
+    placed = other_forms(problem, whole)
+    forms = [form for _, form in placed]
     if not forms or not fit.free:
         return {}
     sigma = spread(fit.left, parts)
@@ -148,4 +152,67 @@ def _formed(
     if gained(fit.left, left, spread(left, parts), parts) < EARNS:
         return {}
     moved = amounts[:free] / np.where(size > 0.0, size, np.inf)
-    return {key: abs(float(move)) for key, move in zip(fit.free, moved, strict=True)}
+    out = {key: abs(float(move)) for key, move in zip(fit.free, moved, strict=True)}
+    for k, item in enumerate(whole):
+        more = [
+            amount * np.concatenate(form.law)
+            for amount, (j, form) in zip(amounts[free:].tolist(), placed, strict=True)
+            if j == k and form.law
+        ]
+        if more:
+            own = fit.numbers_of(item.key)
+            shifts = _taken_up(problem, whole, k, fit, np.sum(more, axis=0), own)
+            for j, shift in zip(own, shifts.tolist(), strict=True):
+                out[fit.free[j]] = max(out[fit.free[j]], abs(float(moved[j] + shift)))
+    return out
+
+
+def _harmonics(problem: Problem, found: Sequence[Found], fit: Refined) -> dict[tuple[str, int, str], float]:
+    """Of waves that come twice as often as well: how far the numbers of the plain wave that is nearest are."""
+    whole = [replace(item, row=by_catalogue(fit.rows[item.key])) for item in found]
+    out: dict[tuple[str, int, str], float] = {}
+    for k, item in enumerate(whole):
+        values = fit.rows[item.key].values
+        if values.get(SECOND, 0.0):
+            twice = {
+                "amplitude": values[SECOND] * values["amplitude"],
+                "cycles": 2.0 * values["cycles"],
+                "phase": values[SECOND_PHASE],
+            }
+            more = np.concatenate(law_along(problem, whole, k, EffectRow(item.at, {**values, **twice})))
+            own = [j for j in fit.numbers_of(item.key) if fit.free[j][2] in item.row.values]
+            shifts = _taken_up(problem, whole, k, fit, more, own)
+            out |= {fit.free[j]: abs(float(shift)) for j, shift in zip(own, shifts, strict=True)}
+    return out
+
+
+def _taken_up(
+    problem: Problem, found: Sequence[Found], k: int, fit: Refined, more: Vector, own: Sequence[int]
+) -> Vector:
+    """By what a finding's numbers take up what its law says more, least squares along the runs whatever the noise.
+
+    A fit weighs what noise leaves clear, and a law that is nearest where it counts is not the one that is nearest.
+
+    Args:
+        problem: The runs.
+        found: Findings.
+        k: Place of this one.
+        fit: Its numbers.
+        more: What its law says more, run after run, shape (M,).
+        own: Places of the numbers that are asked for.
+    """
+    item = found[k]
+    here = np.concatenate(law_along(problem, found, k, item.row))
+    columns: list[Vector] = []
+    steps: list[float] = []
+    for j in own:
+        name = fit.free[j][2]
+        step = STEP * (abs(item.row.values[name]) or 1.0)
+        there = law_along(
+            problem, found, k, EffectRow(item.at, {**item.row.values, name: item.row.values[name] + step})
+        )
+        columns.append(np.concatenate(there) - here)
+        steps.append(step)
+    size = np.array([float(np.linalg.norm(column)) or 1.0 for column in columns])
+    slope = np.column_stack(columns) / size
+    return np.asarray(np.linalg.lstsq(slope, more, rcond=ALIKE)[0] / size * np.array(steps), dtype=np.float64)

@@ -72,11 +72,14 @@ class Form:
         said: What is then said of it: "<effect> at <place> ..."; "" where only its amount or its phase is another one.
         column: The change of the residual for as much of it as is plain, in units of noise, shape (N,).
         within: How much of that there may be.
+        law: What the law then says more at its joint, in every run, shape (M,): a wave as it goes round, others in
+            torque [SI]; () where the law is not asked for it.
     """
 
     said: str
     column: Vector
     within: tuple[float, float] = (-1.0, 1.0)
+    law: tuple[Vector, ...] = ()
 
 
 def is_wave(item: Found) -> bool:
@@ -174,9 +177,19 @@ class Forms:
         return place, form.said
 
 
-def other_forms(problem: Problem, found: Sequence[Found]) -> list[Form]:
-    """Every other form of the findings' laws."""
-    return [form for _, form in _every_form(problem, found) if form.said]
+def other_forms(problem: Problem, found: Sequence[Found]) -> list[tuple[int, Form]]:
+    """Every other form of the findings' laws, with the place of its finding."""
+    return [(k, form) for k, form in _every_form(problem, found) if form.said]
+
+
+def law_along(problem: Problem, found: Sequence[Found], k: int, row: EffectRow) -> list[Vector]:
+    """What a finding's law says at its joint in every run with another row, shape (M,): as in Form.law."""
+    i = found[k].at - 1
+    if is_wave(found[k]):
+        amplitude, cycles, phase = (row.values[name] for name in ("amplitude", "cycles", "phase"))
+        return [amplitude * np.sin(cycles * run.q[:, i] + phase) for run in problem.evidence.runs]
+    other = [*found[:k], replace(found[k], row=row), *found[k + 1 :]]
+    return [one.tau[:, i] for one in problem.spoken(rows_of(other))]
 
 
 def have_other_forms(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
@@ -233,7 +246,7 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     forms: list[Form] = []
 
     def shaped(said: str, torques: Sequence[Vector], up_to: float = 1.0) -> None:
-        forms.append(Form(said, torque_column(problem, i, torques), (-1.0, up_to)))
+        forms.append(Form(said, torque_column(problem, i, torques), (-1.0, up_to), tuple(torques)))
 
     if item.effect in _ASIDE:
         both = zip(evidence.runs, made, strict=True)
@@ -279,17 +292,24 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     values = by_catalogue(item.row).values
     nothing = problem.misfit(rows_of([one for j, one in enumerate(found) if j != k]))
 
-    def wave(part: float, cycles: float, phase: float) -> Vector:
+    def row(part: float, cycles: float, phase: float) -> EffectRow:
         changed = {"amplitude": part * values["amplitude"], "cycles": cycles, "phase": phase}
-        other = replace(item, row=EffectRow(item.at, {**values, **changed}))
+        return EffectRow(item.at, {**values, **changed})
+
+    def wave(part: float, cycles: float, phase: float) -> Vector:
+        other = replace(item, row=row(part, cycles, phase))
         return problem.misfit(rows_of([*found[:k], other, *found[k + 1 :]])) - nothing
+
+    def other(said: str, part: float, cycles: float, phase: float) -> Form:
+        law = law_along(problem, found, k, row(part, cycles, phase))
+        return Form(said, wave(part, cycles, phase), law=tuple(law))
 
     quadratures = (0.0, 0.5 * np.pi)
     c, phase = values["cycles"], values["phase"]
     off = CYCLES_OFF * 2.0 * np.pi / max(float(problem.way()[item.at - 1]), 1e-6)
     return [
-        *(Form(TWICE_SAID, wave(TWICE, 2.0 * c, quadrature)) for quadrature in quadratures),
-        *(Form(HALF_SAID, wave(HALF, 0.5 * c, quadrature)) for quadrature in quadratures if item.effect == ERROR),
+        *(other(TWICE_SAID, TWICE, 2.0 * c, quadrature) for quadrature in quadratures),
+        *(other(HALF_SAID, HALF, 0.5 * c, quadrature) for quadrature in quadratures if item.effect == ERROR),
         *(Form("", wave(AMOUNT, c, quadrature)) for quadrature in quadratures),
         Form("", wave(1.0, c + off, phase) - wave(1.0, c, phase)),
     ]

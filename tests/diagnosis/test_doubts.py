@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import mbexport
 from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
+from mbexport.core.diagnosis.beyond import SECOND, SECOND_PHASE
 from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.nuisances import whitening
@@ -90,6 +92,52 @@ def test_a_straight_spring_has_one():
     assert straightened(asked, whiten, [SOFT], fit, parts) is fit
     assert doubts_of(asked, whiten, [SOFT], fit, fit, parts) == {}
     assert doubted(fit, {}) is fit
+
+
+def test_a_law_that_is_nearest_where_noise_is_low_is_not_the_one_that_is_nearest():
+    """Slow noise hides that friction is more one way: along the motion it is more on average."""
+
+    def law(speed):
+        return 0.5 * (1.0 + 0.2 * np.sign(speed)) * np.tanh(speed / 1.0e-3)
+
+    def slowly_loud(seed):
+        run = pendulum_run("motion", lambda t, q, dq: law(dq), seed=seed, duration=2.2)
+        white = np.random.default_rng(seed).normal(size=(len(run.t) + 2000, 1))
+        slow = lfilter([math.sqrt(1.0 - 0.99**2)], [1.0, -0.99], white, axis=0)[2000:]
+        return replace(run, signals={**run.signals, "tau": run.signals["tau"] + 0.05 * slow})
+
+    asked, whiten, parts = asked_of([slowly_loud(1), slowly_loud(2)])
+    rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.5}), 50.0)
+    fit = refined(asked, whiten, [rubs], parts)
+    doubts = doubts_of(asked, whiten, [rubs], fit, fit, parts)
+    sides = np.sign(command(np.linspace(0.0, 2.2, 2201))[1])
+    (place,) = fit.free
+    half = half_of(doubted(fit, doubts), place)
+    for other in (0.5, 0.5 * (1.0 + 0.2 * float(np.mean(sides)))):
+        assert abs(fit.rows[rubs.key].values["torque"] - other) < half
+    assert half < 0.15
+
+
+def test_a_wave_goes_otherwise_where_what_comes_twice_as_often_is_left_out():
+    """Over a turn and a half of it the two are not apart: the plain one that is nearest is another one."""
+    cycles, phase = 6.0, 0.4
+    values = {"amplitude": 0.3, "cycles": cycles, "phase": phase, SECOND: 0.35, SECOND_PHASE: 2.0 * phase + 0.7}
+
+    def wave(q):
+        return 0.3 * (np.sin(cycles * q + phase) + 0.35 * np.sin(2.0 * (cycles * q + phase) + 0.7))
+
+    runs = [pendulum_run("motion", lambda t, q, dq: float(wave(q)), seed=seed) for seed in (1, 2)]
+    asked, whiten, parts = asked_of(runs)
+    ripples = Found("torque_ripple", 1, EffectRow(1, values), 50.0)
+    fit = refined(asked, whiten, [ripples], parts)
+    nearest = straightened(asked, whiten, [ripples], fit, parts)
+    wide = doubted(nearest, doubts_of(asked, whiten, [ripples], fit, nearest, parts))
+    q = command(np.linspace(0.0, 4.0, 4001))[0]
+    sine, cosine = np.linalg.lstsq(np.column_stack([np.sin(cycles * q), np.cos(cycles * q)]), wave(q), rcond=None)[0]
+    plain = nearest.rows[ripples.key].values
+    for name, other in (("amplitude", math.hypot(sine, cosine)), ("phase", math.atan2(cosine, sine))):
+        place = (*ripples.key, name)
+        assert half_of(nearest, place) < abs(plain[name] - other) < half_of(wide, place)
 
 
 def test_a_diagnosis_tells_the_wider_interval():
