@@ -37,7 +37,7 @@ from .experiment import Experiment, design
 from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
-from .held import HARMS, HELPS, NOT_EXCITED, UNREAL, Held, Judge
+from .held import HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
 from .model import Rows, level_rows, merged, robot_of
 from .moments import with_moments
@@ -376,7 +376,7 @@ class _Diagnosing:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
         fit, names = self._names(state, held.found)
         names, better = judge.told_apart(held.found, names)
-        if better is not None and (again := judge.held(better)).by > held.by - HARMS:
+        if better is not None and (again := judge.held(better)).by > held.by - HELPS:
             held = replace(again, growing=held.growing, rings=held.rings)
             fit, names = self._names(state, held.found)
             names, _ = judge.told_apart(held.found, names)

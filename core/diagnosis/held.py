@@ -17,6 +17,7 @@ from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
 from .beyond import KNEE, LIMIT
+from .beyond import SPRINGS as STIFFNESSES
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
@@ -97,6 +98,8 @@ LITTLE = 0.25
 CONTRADICTS = 0.3
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
+# and the ways in which a bearing may
+WAYS = STIFFNESSES[BEARING]
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
 # where so much of a gap is open drives that give are tried in simulation, where one closes most of it from afar: at how
@@ -585,6 +588,9 @@ class Judge:
             if best[k].effect == "link_flexibility" and best[k].row.values["at"] <= AT_JOINT:
                 # an arm that bends where its joint is has a bearing that gives
                 best[k] = next((one.found for one in alike if one.found.key == (BEARING, best[k].at)), best[k])
+            if best[k].effect == BEARING and sum(math.isfinite(best[k].row.values[way]) for way in WAYS) == 1:
+                # a bearing gives to all sides about as much, a drive to one
+                best[k] = next((one.found for one in alike if one.found.effect == "joint_compliance"), best[k])
             kept.append(alike)
         changed = any(one is not other for one, other in zip(best, found, strict=True))
         return kept, tuple(best) if changed else None

@@ -765,6 +765,25 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
         assert [item.effect for item in better or [arm]] == [name]
 
 
+@pytest.mark.parametrize(
+    ("ways", "nats", "name"),
+    [
+        (("kry",), 3.0, "joint_compliance"),
+        (("krx", "kry"), 3.0, "joint_compliance_6d"),
+        (("kry",), 30.0, "joint_compliance_6d"),
+    ],
+)
+def test_what_gives_one_way_alone_is_a_drive_before_it_is_a_bearing(monkeypatch, ways, nats, name):
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05)))
+    rigid = {column.name: column.default for column in effect_named("joint_compliance_6d").columns}
+    bearing = Found("joint_compliance_6d", 1, EffectRow(1, {**rigid, **dict.fromkeys(ways, 800.0)}), 50.0)
+    drive = Found("joint_compliance", 1, EffectRow(1, {"stiffness": 800.0, "damping": 0.5}), 50.0)
+    _, better = judge.told_apart([bearing], [(Alike(drive, 0.0, 0.0),)])
+    assert [item.effect for item in better or [bearing]] == [name]
+
+
 @pytest.mark.parametrize(("nats", "name"), [(3.0, "encoder_offset"), (30.0, "kinematic_error")])
 def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch, nats, name):
     """Where runs that no fit saw tell them apart it is what they say."""
