@@ -66,8 +66,10 @@ def shift_of(run: Run, robot: Robot, simulated: Mapping[str, Vector], noise: Noi
     and tool were recorded at one instant, so that their shifts differ.
     """
     told = _told(run, robot, simulated, noise)
-    if len(told) == 1 and not run.has("tau"):
-        return _alone(told[0], run.rate)
+    joints = {one.joint for one in told if one.signal != "ee"}
+    if len(joints) == 1 and not run.has("tau"):
+        # the arm side, its torque and the tool go with the motor, whatever holds that back
+        return next((_alone(one, run.rate) for one in told if one.signal == "q"), 0.0)
     if len(told) < 2 or (run.has("tau") and not any(one.signal == "tau" for one in told)):
         return 0.0
     return _common(told, run.rate)
@@ -122,7 +124,7 @@ def held_said(run: Run, samples: float) -> str:
 
 def shift_said(run: Run, shift: float) -> str:
     """What to say of stamps that are off by a shift [s]; of one joint's positions alone that they may be right."""
-    alone = run.n == 1 and shift > 0.0 and not (run.has("tau") or run.has("tau_link"))
+    alone = run.n == 1 and shift > 0.0 and not run.has("tau")
     return (
         f"All that was measured in {run.name} comes {_long(run, shift)} its stamps; that is taken out and is no effect."
         + (" Viscous friction would hold its one joint back alike: only a torque could tell." if alone else "")
@@ -180,8 +182,8 @@ def _common(told: Sequence[_Told], rate: float) -> float:
     """The shift that all of these say [s], of whole samples where it is nearly so; 0 where they say none or several."""
     if not told:
         return 0.0
-    # the arm side and the tool go with the motors; a torque is another witness
-    witnesses = {(one.signal in TORQUES, one.joint) for one in told if one.signal != "ee"}
+    # the arm side, its torque and the tool go with the motors; what these are asked for is another witness
+    witnesses = {(one.signal == "tau", one.joint) for one in told if one.signal != "ee"}
     values, spread = np.array([one.shift for one in told]), np.array([one.error for one in told])
     common = float(np.median(values))
     error = float(1.0 / np.sqrt(np.sum(1.0 / spread**2)))

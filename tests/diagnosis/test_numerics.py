@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pendulums
 import pytest
-from pendulums import KD, KP, NOISE, command, friction_free, pendulum_run
+from pendulums import INERTIA, KD, KP, NOISE, WEIGHT, command, friction_free, pendulum_run
+from scipy.interpolate import CubicSpline
 
 import mbexport
 from mbexport.core.control import Control
@@ -83,6 +84,24 @@ def test_one_channel_alone_is_late_by_whole_samples_only():
         pendulum_run("pd"),
     ):
         assert shift_in(alone(run)) == 0.0
+
+
+def test_what_the_arm_bears_goes_with_the_motor_and_is_no_other_witness():
+    """Friction holds a joint and all behind it back alike; the torque that moves it would tell."""
+
+    def borne(against=friction_free, late=0.0):
+        quiet = pendulum_run("pd", against, late=late, noise=dict.fromkeys(NOISE, 0.0))
+        way = CubicSpline(quiet.t, quiet.signals["q"][:, 0])
+        torque = INERTIA * way(quiet.t, 2) + WEIGHT * np.sin(way(quiet.t))
+        random = np.random.default_rng(1).normal(size=(2, len(quiet.t)))
+        signals = {"q": way(quiet.t) + NOISE["q"] * random[0], "tau_link": torque + NOISE["tau"] * random[1]}
+        columns = {name: values[:, None] for name, values in signals.items()}
+        return replace(quiet, signals={**columns, "q_cmd": quiet.signals["q_cmd"]})
+
+    assert shift_in(borne(lambda t, q, dq: 0.4 * dq)) == 0.0
+    late = borne(late=0.004)
+    assert shift_in(late) == pytest.approx(0.004)
+    assert "Viscous friction" in shift_said(late, 0.004)
 
 
 def test_a_late_drive_is_no_late_stamp():
