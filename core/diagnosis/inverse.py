@@ -124,6 +124,11 @@ def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
     return moved.q, moved.dq
 
 
+def gear_errors(robot: Robot, run: Prepared) -> Vector | None:
+    """Transmission errors along a run's motor motion, shape (m, n) [rad or m]; None where the robot has none."""
+    return _errors(_rubbing(robot), run, run.q, run.dq)
+
+
 def stretch_of(robot: Robot, run: Prepared, effect: str, at: int, beyond: Beyond = ()) -> Vector:
     """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
     moved = _moved(_bodies(robot), run, of_springs(beyond))

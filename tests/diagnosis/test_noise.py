@@ -6,14 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, NOISE, WEIGHT, noisy_loop, pendulum_run
+from pendulums import INERTIA, NOISE, WEIGHT, command, noisy_loop, pendulum_run
 from scipy.integrate import quad
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
 from mbexport.core.database import FrozenMap, Tolerance, load, with_effects
 from mbexport.core.diagnosis.model import robot_of
-from mbexport.core.diagnosis.noise import Noise, noise_floor, perturbed, significance, significant
+from mbexport.core.diagnosis.noise import (
+    Noise,
+    noise_floor,
+    perturbed,
+    significance,
+    significant,
+    tolerance_changes,
+    tolerance_times,
+)
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.effects import EffectRow
 from mbexport.core.recording import known_together
@@ -89,6 +97,23 @@ def test_a_mass_that_is_a_percent_off_weighs_a_percent_of_the_weight():
     # the moment about the center of mass is not the mass's
     exact = 0.01 * ((INERTIA - 8.0e-3) * ddq + WEIGHT * np.sin(q))
     assert found == pytest.approx(np.sqrt(np.mean(exact**2)), rel=0.02)
+
+
+def test_a_mass_weighs_as_it_moves_behind_a_gear_that_errs():
+    """An error of two milliradians that comes 27 times a turn turns the arm as hard as the motor does."""
+    amplitude, cycles = 2.0e-3, 27.0
+    err = {"transmission_error": (EffectRow(1, FrozenMap({"amplitude": amplitude, "cycles": cycles, "phase": 0.0})),)}
+    run = pendulum_run("motion")
+    robot = robot_of(DATABASE, "rigid", run, err)
+    found = tolerance_changes(robot, Tolerance(mass=0.01), run)["tau"][0, :, 0]
+    t = tolerance_times(run)
+    motor, speed, turns = command(t)
+    q = motor + amplitude * np.sin(cycles * motor)
+    ddq = turns * (1.0 + amplitude * cycles * np.cos(cycles * motor))
+    ddq -= amplitude * cycles**2 * speed**2 * np.sin(cycles * motor)
+    exact = 0.01 * ((INERTIA - 8.0e-3) * ddq + WEIGHT * np.sin(q))
+    inner = slice(5, -5)
+    assert np.std((found - exact)[inner]) < 0.05 * np.std(exact[inner])
 
 
 def test_a_soft_controller_gives_way_to_what_is_off():
