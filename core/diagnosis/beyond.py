@@ -66,11 +66,12 @@ def how_many(effect: str) -> int:
 
 def with_harmonics(rows: Rows) -> Rows:
     """Rows, every wave that comes twice as often as well followed by one that does."""
-    split = {effect: tuple(itertools.chain(*map(_harmonics, rows[effect]))) for effect in WAVES if effect in rows}
+    split = {effect: tuple(itertools.chain(*map(harmonics, rows[effect]))) for effect in WAVES if effect in rows}
     return {**rows, **split}
 
 
-def _harmonics(wave: EffectRow) -> tuple[EffectRow, ...]:
+def harmonics(wave: EffectRow) -> tuple[EffectRow, ...]:
+    """A wave, and where it comes twice as often as well the one that does."""
     values = wave.values
     if not values.get(SECOND, 0.0):
         return (wave,)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
-from .beyond import LIMIT, SECOND, SECOND_PHASE, SPRINGS, STIFFENING, beyond_of, by_catalogue
+from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogue, harmonics
 from .fit import Part, gained, spread
 from .forms import have_other_forms, law_along, other_forms
 from .hypotheses import defaults
@@ -172,14 +172,8 @@ def _harmonics(problem: Problem, found: Sequence[Found], fit: Refined) -> dict[t
     whole = [replace(item, row=by_catalogue(fit.rows[item.key])) for item in found]
     out: dict[tuple[str, int, str], float] = {}
     for k, item in enumerate(whole):
-        values = fit.rows[item.key].values
-        if values.get(SECOND, 0.0):
-            twice = {
-                "amplitude": values[SECOND] * values["amplitude"],
-                "cycles": 2.0 * values["cycles"],
-                "phase": values[SECOND_PHASE],
-            }
-            more = np.concatenate(law_along(problem, whole, k, EffectRow(item.at, {**values, **twice})))
+        for twice in harmonics(fit.rows[item.key])[1:]:
+            more = np.concatenate(law_along(problem, whole, k, twice))
             own = [j for j in fit.numbers_of(item.key) if fit.free[j][2] in item.row.values]
             shifts = _taken_up(problem, whole, k, fit, more, own)
             out |= {fit.free[j]: abs(float(shift)) for j, shift in zip(own, shifts, strict=True)}
