@@ -92,20 +92,20 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
     sigma = spread(fit.left, parts)
     whole = float(fit.left @ fit.left)
     energy = max(float(state.left @ state.left) - whole, 1e-9)
-    near: dict[tuple[str, int], Contender] = {}
+    near: dict[tuple[str, int], list[Contender]] = {}
     for contender in contenders(state, parts, [item.key]):
         more = (float(contender.left @ contender.left) - whole) / energy
         worse = gained(contender.left, fit.left, sigma, parts)
         twin = one_body(problem, contender.hypothesis.key, item.key)
         if twin or more < (FIRST_LOOK if contender.hypothesis.curved else LINEAR_LOOK) or worse < 2.0 * ALIKE:
-            near.setdefault(contender.hypothesis.key, contender)
-    tried: list[Found] = []
-    for contender in sorted(near.values(), key=lambda one: not one_body(problem, one.hypothesis.key, item.key))[:TRIED]:
-        rows = contender.hypothesis.rows(contender.beta)
-        if rows is not None:
-            key = contender.hypothesis.key
-            tried.append(Found(*key, rows[key[0]][0], contender.gain))
-    there = {one.key for one in (*found, *tried)}
+            near.setdefault(contender.hypothesis.key, []).append(contender)
+    # each name in its forms, the best first
+    tried: list[list[Found]] = []
+    for key in sorted(near, key=lambda key: not one_body(problem, key, item.key))[:TRIED]:
+        rows = [(one.hypothesis.rows(one.beta), one.gain) for one in near[key]]
+        forms = [Found(*key, row[key[0]][0], gain) for row, gain in rows if row is not None]
+        tried += [forms] if forms else []
+    there = {one.key for one in (*found, *(forms[0] for forms in tried))}
     nearest: list[tuple[float, Found]] = []
     for spring in _springs_instead(problem, item):
         if spring.key not in there:
@@ -113,24 +113,32 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
             nearest.append((float(left @ left), spring))
     for left, spring in sorted(nearest, key=lambda one: one[0]):
         if left - whole < FIRST_LOOK * energy and spring.key not in there and len(tried) < TRIED + MOST_SPRINGS:
-            tried.append(spring)
+            tried.append([spring])
             there.add(spring.key)
-    out: list[Alike] = []
-    for one in tried:
-        key = one.key
+
+    def fitted(one: Found) -> tuple[Found, Refined]:
         trial = [*state.found, one]
         other = refined(problem, whiten, trial, parts)
         if STIFFENING in item.row.values:
             other = beyond_catalogue(problem, whiten, trial, other, parts, one, float(state.left @ state.left))
-        more = len(other.numbers_of(key)) - len(fit.numbers_of(item.key))
+        return replace(one, row=other.rows[one.key]), other
+
+    def may_be(named: Found) -> bool:
+        twin = one_body(problem, named.key, item.key)
+        return twin or not (without_bodies(problem, [named]) or never_slipping(problem, [named]))
+
+    out: list[Alike] = []
+    for forms in tried:
+        # moments of inertia alone may be no body where a mass is one
+        named, other = next((each for each in map(fitted, forms) if may_be(each[0])), (None, None))
+        if named is None or other is None:
+            continue
+        more = len(other.numbers_of(named.key)) - len(fit.numbers_of(item.key))
         # two nats a number, as in the search
         worse = gained(other.left, fit.left, sigma, parts) + 2.0 * more
         leaves = (float(other.left @ other.left) - whole) / energy
-        named = replace(one, row=other.rows[key])
-        if one_body(problem, key, item.key):
+        if one_body(problem, named.key, item.key):
             out.append(Alike(named, worse, leaves, one_body=True))
-            continue
-        if without_bodies(problem, [named]) or never_slipping(problem, [named]):
             continue
         # what takes something else away is no other name for it
         same = takes_the_same(state.left, fit.left, other.left, sigma)

@@ -1187,6 +1187,28 @@ def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
     assert any(other.worse < -ALIKE for other in names)
 
 
+def test_a_rotor_may_be_an_arm_that_has_more_mass():
+    """About an upright axis: by moments of inertia alone, which fit best, the thin arm would be no body."""
+    scara = load("scara")
+    t = np.arange(1001) / 250.0
+    speeds = 2.0 * np.array([1.0, 1.55, 0.4, 2.1])
+    q = np.column_stack([0.5 * np.sin(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    dq = np.column_stack([0.5 * w * np.cos(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    ddq = np.column_stack([-0.5 * w**2 * np.sin(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    random = np.random.default_rng(3)
+    tau = dynamics(build(scara, "rigid")).inverse_dynamics(q, dq, ddq) + ddq * (0.2, 0.0, 0.0, 0.0)
+    noise = {"q": np.full(4, 1e-6), "tau": np.full(4, 0.01)}
+    signals = {"q": q + 1e-6 * random.normal(size=q.shape), "tau": tau + 0.01 * random.normal(size=q.shape)}
+    run = Run("swing", t, signals, Control("unknown"), noise, (), {}, "", (), 250.0)
+    asked = problem(scara, "rigid", [run])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    one = Found("rotor_inertia", 1, EffectRow(1, {"inertia": 0.2}), 50.0)
+    fit = refined(asked, state.whiten, [one], blocks(asked.evidence))
+    names = {other.found.key: other.found.row.values for other in alike(state, [one], fit, one)}
+    assert names["link_inertia", 1]["mass"] > 0.0
+
+
 @pytest.mark.parametrize(("first", "a_body"), [(0.005, True), (0.2, False)])
 def test_an_arm_that_is_all_but_a_body_gets_what_its_moments_lack(first, a_body):
     """A flat arm was no body with any mass elsewhere, and its neighbours were named for it."""
