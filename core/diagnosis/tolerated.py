@@ -6,7 +6,7 @@ that is off to what a tilt makes of it, shows nowhere there: by as much the effe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +18,9 @@ from .problem import Problem
 from .refine import Refined, left_with
 
 
-def with_tolerances(problem: Problem, whiten: Whitening, fit: Refined, parts: Sequence[Part]) -> Refined:
+def with_tolerances(
+    problem: Problem, whiten: Whitening, fit: Refined, parts: Sequence[Part], effects: Collection[str] | None = None
+) -> Refined:
     """A fit whose intervals know of that.
 
     Args:
@@ -26,7 +28,11 @@ def with_tolerances(problem: Problem, whiten: Whitening, fit: Refined, parts: Se
         whiten: Their nuisances, the tolerances of the nominal robot among them.
         fit: Of them, with the catalogue's laws.
         parts: Of their evidence.
+        effects: Whose numbers are told so; None: all.
     """
+    asked = [k for k, (effect, _, _) in enumerate(fit.free) if effects is None or effect in effects]
+    if not asked:
+        return fit
     rows = tables(fit.rows)
     beside = tolerance_columns(replace(problem, known=merged(problem.known, rows)))
     if not fit.free or not beside.shape[1]:
@@ -37,4 +43,5 @@ def with_tolerances(problem: Problem, whiten: Whitening, fit: Refined, parts: Se
     shown = np.flatnonzero(fit.shown)
     moved = np.zeros((len(fit.free), change.shape[1]))
     moved[shown] = np.linalg.lstsq(fit.slope[:, shown] / sigma, change / sigma, rcond=None)[0]
+    moved[np.setdiff1d(np.arange(len(fit.free)), asked)] = 0.0
     return replace(fit, covariance=fit.covariance + moved @ moved.T)

@@ -18,6 +18,8 @@ from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
 
+from .pendulums import INERTIA, soft_run
+
 TILT, HEAVIER = 0.03, 0.01
 NOISE = 1e-4
 
@@ -60,3 +62,17 @@ def test_a_tilt_is_known_no_better_than_the_masses_that_it_weighs(heavier, toler
         assert 0.3 * HEAVIER * TILT < wider < HEAVIER * TILT
     else:
         assert wider == sigma
+
+
+def test_a_spring_that_rings_is_known_no_better_than_what_it_moves():
+    """As hard again as the mass behind it is heavy; other effects' numbers are left alone where they are not asked for."""
+    loose = replace(load("pendulum"), tolerance=Tolerance(mass=HEAVIER))
+    row = {"stiffness": INERTIA * 30.0**2, "damping": 0.3}
+    asked = problem(loose, "rigid", [soft_run(**row, seed=seed) for seed in (1, 2)])
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    fit = refined(asked, whiten, [Found("joint_compliance", 1, EffectRow(1, row), 50.0)], parts)
+    wider = with_tolerances(asked, whiten, fit, parts, ("joint_compliance",))
+    known, told = (float(np.sqrt(one.covariance[0, 0])) / row["stiffness"] for one in (fit, wider))
+    assert known < 0.1 * HEAVIER
+    assert told == pytest.approx(HEAVIER, rel=0.1)
+    assert with_tolerances(asked, whiten, fit, parts, ("payload",)) is fit
