@@ -65,7 +65,7 @@ def test_a_tilt_is_known_no_better_than_the_masses_that_it_weighs(heavier, toler
 
 
 def test_a_spring_that_rings_is_known_no_better_than_what_it_moves():
-    """As hard again as the mass behind it is heavy; other effects' numbers are left alone where they are not asked for."""
+    """As hard again as its mass is heavy; other effects' numbers are left alone where nobody asks for them."""
     loose = replace(load("pendulum"), tolerance=Tolerance(mass=HEAVIER))
     row = {"stiffness": INERTIA * 30.0**2, "damping": 0.3}
     asked = problem(loose, "rigid", [soft_run(**row, seed=seed) for seed in (1, 2)])
