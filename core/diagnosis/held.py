@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..database import Database
 from ..effects import EffectRow
-from ..errors import RefusedError
+from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from ..signals import JOINT_SIGNALS
 from .alike import Alike
@@ -32,7 +32,7 @@ from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, closing, polished, unsure
 from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
-from .resimulate import mode_of, residuals, resimulated
+from .resimulate import mode_of, residuals, resimulated, steps_of
 from .resonance import springs
 from .search import (
     ALIKE,
@@ -73,6 +73,7 @@ NOT_EXCITED = "not excited by the held-out runs"
 UNTOLD = "how much of it there is cannot be told from nothing"
 CRUMB = "no more than what is left where a law has another form"
 WILD = "no engine can simulate the robot with it under this controller"
+TOO_FAST = "rings far faster than anything that these runs show"
 # by how much a finding must make the gap of unseen runs shrink, as part of the gap before
 HELPS, HARMS, BEYOND_DOUBT = 0.01, 0.002, 15.0
 # and all together where the interval of how far it shrinks is wide
@@ -96,6 +97,8 @@ MOST_BENT = 0.25
 LITTLE = 0.25
 # part of the gap along the measured motion that contradicts findings by which simulation has none
 CONTRADICTS = 0.3
+# into how many times as many steps what a spring rings at may cut a run: hard ones, and play, need ten
+FINER = 50.0
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
 # and the ways in which a bearing may
@@ -606,6 +609,10 @@ class Judge:
                 kept.remove(contact)
                 dropped.append(Rejected(contact.effect, contact.place, CONTACT))
                 continue
+            if (fast := self._too_fast(kept)) is not None:
+                kept.remove(fast)
+                dropped.append(Rejected(fast.effect, fast.place, TOO_FAST))
+                continue
             self.tell("what each finding is worth on runs that no fit saw")
             unseen = judged(self.whole, self.whiten, kept, self.ways)
             if (softer := self._softly(kept, unseen)) is not None:
@@ -677,6 +684,18 @@ class Judge:
             contact = self.whole.robots(rows_of(play))[0].stages[item.at - 1].drive.spring
             if contact and item.row.values["stiffness"] > AS_HARD * contact.stiffness:
                 return item
+        return None
+
+    def _too_fast(self, found: Sequence[Found]) -> Found | None:
+        """A spring with so little behind it that engines need far shorter steps than the run does; None: no such."""
+        run = self.runs[0]
+
+        def steps(*some: Found) -> float:
+            return steps_of(robot_of(self.database, self.level, run, rows_of(some)), run, self.backend)
+
+        # what cannot be at all is told for that
+        with suppress(MbexportError):
+            return next((item for item in found if item.effect in SPRINGS and steps(item) > FINER * steps()), None)
         return None
 
     def _softly(self, found: Sequence[Found], unseen: Unseen) -> list[Found] | None:

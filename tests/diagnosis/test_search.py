@@ -19,7 +19,7 @@ from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.diagnosis import Rejected
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
-from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, WILD, Judge
+from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
@@ -1132,6 +1132,20 @@ def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place(
     tried = _springs_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
     assert [item.effect for item in tried] == ["joint_compliance_6d"] * 3 + ["link_flexibility"] * 3
     assert _springs_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
+
+
+def test_a_spring_that_rings_far_faster_than_the_record_is_not_simulated():
+    """It would cut a run into many times as many steps, and none of it is recorded."""
+    judge = judge_of(1)
+    soft, hard = (
+        Found("joint_compliance", 1, EffectRow(1, {"stiffness": stiffness, "damping": 0.3}), 50.0)
+        for stiffness in (INERTIA * 30.0**2, INERTIA * 30.0**2 * 1e9)
+    )
+    assert judge._too_fast([soft, RUBS]) is None
+    assert judge._too_fast([soft, hard, RUBS]) is hard
+    held = judge.held([hard])
+    assert held.found == ()
+    assert held.dropped == (Rejected("joint_compliance", "joint_1", TOO_FAST),)
 
 
 def test_a_number_that_stayed_where_it_began_has_not_been_judged():
