@@ -76,13 +76,11 @@ def fit(case: Path, out: Path) -> str:
 def unseen(known: Given, rows: Rows) -> Sums | None:
     """What is left on the held-out runs with rows replaced or added; None where the engine refuses the robot."""
     database, runs = known.database, known.holdout
+    nominal = [robot_of(database, LEVEL, run) for run in runs]
     try:
         left = [
-            residuals(
-                run,
-                resimulated(robot_of(database, LEVEL, run, rows), robot_of(database, LEVEL, run), run, ENGINE),
-            )
-            for run in runs
+            residuals(run, resimulated(robot_of(database, LEVEL, run, rows), robot, run, ENGINE), robot)
+            for run, robot in zip(runs, nominal, strict=True)
         ]
     except MbexportError:
         return None

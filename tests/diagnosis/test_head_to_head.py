@@ -43,6 +43,18 @@ def test_noise_is_not_named(named):
     assert named() == []
 
 
+def test_what_a_rival_found_is_simulated_where_no_fit_saw_it(bank_module):
+    one, versus = bank_module("rival_regressor"), bank_module("head_to_head")
+    runs = tuple(pendulum_run(seed=seed, duration=2.0, against=lambda t, q, dq: 0.4 * dq) for seed in (1, 2, 3))
+    bare = replace(mbexport.load("pendulum"), effects=FrozenMap())
+    known = bank_module("given").known(bare, runs[:2], runs[2:])
+    said = versus.diagnosis(known, one.fitted(known), versus.unseen(known, {}))
+    assert [(one["effect"], one["at"]) for one in said["which"]] == [("viscous_friction", "joint_1")]
+    held = said["how_far"]["holdout"]
+    assert held["shrinks_by"] > 0.95
+    assert held["after"]["q"] < 0.1 * held["before"]["q"]
+
+
 def test_least_squares_takes_no_column_that_is_not_there(bank_module):
     best = bank_module("rival_regressor").best
     random = np.random.default_rng(1)
