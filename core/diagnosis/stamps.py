@@ -190,11 +190,14 @@ def _common(told: Sequence[_Told], rate: float) -> float:
     clear = abs(common) > max(CLEAR * error, SHORTEST / rate) and abs(common) < FURTHEST / rate
     near = np.abs(values - common) < np.maximum(AGREE * max(abs(common), SHORTEST / rate), 4.0 * spread)
     # alone, what holds a joint back looks late as well
-    sure = len(witnesses) > 1 or sum(one.after for one in told) < LEAVES * sum(one.before for one in told)
+    all_of_it = sum(one.after for one in told) < LEAVES * sum(one.before for one in told)
+    sure = len(witnesses) > 1 or all_of_it
     if not (clear and sure and near.all()):
         return 0.0
     samples = common * rate
     if round(samples) and abs(samples - round(samples)) < WHOLE:
         return round(samples) / rate
-    # what is not counted and leaves the gap what it is holds back by chance as a shift would: a limit does
-    return common if any(one.before > 0.0 and one.after < STAYS * one.before for one in told) else 0.0
+    # what is not counted and leaves the gap what it is holds back by chance as a shift would: a limit does, and of one
+    # joint and its torque what makes both late
+    less = len(witnesses) > 2 and any(one.before > 0.0 and one.after < STAYS * one.before for one in told)
+    return common if less or all_of_it else 0.0

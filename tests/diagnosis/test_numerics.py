@@ -29,7 +29,7 @@ from mbexport.core.diagnosis.numerics import (
 )
 from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
-from mbexport.core.diagnosis.stamps import shift_of, shift_said, torque_shift_of, unshifted
+from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
 
 DATABASE = load("pendulum")
 
@@ -102,6 +102,19 @@ def test_what_the_arm_bears_goes_with_the_motor_and_is_no_other_witness():
     late = borne(late=0.004)
     assert shift_in(late) == pytest.approx(0.004)
     assert "Viscous friction" in shift_said(late, 0.004)
+
+
+@pytest.mark.parametrize(
+    ("joints", "left", "told"), [(1, 0.7, False), (1, 0.05, True), (2, 0.7, True), (2, 0.95, False)]
+)
+def test_parts_of_a_sample_are_said_by_more_than_one_joint_or_leave_next_to_nothing(joints, left, told):
+    """A motor's gain and a load made a joint's position and torque 0.4 of a sample late, by chance the same."""
+    late = 0.4e-2
+    said = [_Told(name, i, late, 1e-5, 1e6, left * 1e6) for name in ("q", "tau") for i in range(joints)]
+    assert _common(said, 100.0) == (pytest.approx(late) if told else 0.0)
+    # whole ones are no chance
+    whole = [replace(one, shift=1e-2) for one in said]
+    assert _common(whole, 100.0) == pytest.approx(1e-2)
 
 
 def test_a_late_drive_is_no_late_stamp():
