@@ -159,8 +159,8 @@ def _formed(
             for amount, (j, form) in zip(amounts[free:].tolist(), placed, strict=True)
             if j == k and form.law
         ]
-        if more:
-            own = fit.numbers_of(item.key)
+        own = fit.numbers_of(item.key)
+        if more and own:
             shifts = _taken_up(problem, whole, k, fit, np.sum(more, axis=0), own)
             for j, shift in zip(own, shifts.tolist(), strict=True):
                 out[fit.free[j]] = max(out[fit.free[j]], abs(float(moved[j] + shift)))
