@@ -29,7 +29,7 @@ from .unseen import EARNS
 
 Vector = NDArray[np.float64]
 # a number is moved by so much of itself, and what two numbers do is alike where it differs by less than this part
-STEP, ALIKE = 1.0e-3, 1.0e-2
+STEP, SAME = 1.0e-3, 1.0e-2
 # by effect, number of its place and column: how far a number may be another one [SI]
 Doubts = Mapping[tuple[str, int, str], float]
 
@@ -209,4 +209,4 @@ def _taken_up(
         steps.append(step)
     size = np.array([float(np.linalg.norm(column)) or 1.0 for column in columns])
     slope = np.column_stack(columns) / size
-    return np.asarray(np.linalg.lstsq(slope, more, rcond=ALIKE)[0] / size * np.array(steps), dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(slope, more, rcond=SAME)[0] / size * np.array(steps), dtype=np.float64)

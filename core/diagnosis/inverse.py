@@ -124,9 +124,16 @@ def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
     return moved.q, moved.dq
 
 
-def gear_errors(robot: Robot, run: Prepared) -> Vector | None:
-    """Transmission errors along a run's motor motion, shape (m, n) [rad or m]; None where the robot has none."""
-    return _errors(_rubbing(robot), run, run.q, run.dq)
+def behind_gears(robot: Robot, run: Prepared) -> tuple[Vector, Vector, Vector]:
+    """Positions, speeds and accelerations behind gears that err along a run's motor motion, shape (m, n) each."""
+    error = _errors(_rubbing(robot), run, run.q, run.dq)
+    return (run.q, run.dq, run.ddq) if error is None else _erring(error, run.h, run.q, run.dq, run.ddq)
+
+
+def _erring(error: Vector, h: float, q: Vector, dq: Vector, ddq: Vector) -> tuple[Vector, Vector, Vector]:
+    """A motion with what gears add to it."""
+    rate = np.gradient(error, h, axis=0)
+    return q + error, dq + rate, ddq + np.gradient(rate, h, axis=0)
 
 
 def stretch_of(robot: Robot, run: Prepared, effect: str, at: int, beyond: Beyond = ()) -> Vector:
@@ -195,11 +202,9 @@ def _moved(robot: Robot, run: Prepared, stiffening: Beyond) -> _Moved:
     turned, dturned, ddturned = theta, dtheta, ddtheta
     slope = np.zeros_like(theta)
     if error is not None:
-        rate = np.gradient(error, run.h, axis=0)
-        turned, dturned = theta + error, dtheta + rate
-        ddturned = ddtheta + np.gradient(rate, run.h, axis=0)
+        turned, dturned, ddturned = _erring(error, run.h, theta, dtheta, ddtheta)
         moving = np.abs(dtheta) > 1e-9
-        slope = np.divide(rate, dtheta, out=slope, where=moving)
+        slope = np.divide(dturned - dtheta, dtheta, out=slope, where=moving)
     arms = dynamics(full, always_compiled=True)
     clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
     stiffens = of_joints(robot, whole, stiffening)

@@ -17,7 +17,7 @@ from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
 from .feedback import hears, told
-from .inverse import gear_errors
+from .inverse import behind_gears
 from .model import robot_of
 from .prepare import prepared, small_turn
 from .resimulate import WINDOW, mode_of, settled, smoothed, window_edges
@@ -336,13 +336,8 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
     if not variants:
         return {}
     grid, every = smoothed(run), _every(run)
-    q, dq, ddq = grid.q, grid.dq, grid.ddq
-    error = gear_errors(robot, grid)
-    if error is not None:
-        # what an arm does behind its gear it weighs for as well
-        rate = np.gradient(error, grid.h, axis=0)
-        q, dq, ddq = q + error, dq + rate, ddq + np.gradient(rate, grid.h, axis=0)
-    q, dq, ddq = (values[::every] for values in (q, dq, ddq))
+    # what an arm does behind its gear it weighs for as well
+    q, dq, ddq = (values[::every] for values in behind_gears(robot, grid))
     h = grid.h * every
     arms = dynamics(robot, always_compiled=True)
     base = arms.inverse_dynamics(q, dq, ddq)

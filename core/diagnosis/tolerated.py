@@ -35,7 +35,7 @@ def with_tolerances(
         return fit
     rows = tables(fit.rows)
     beside = tolerance_columns(replace(problem, known=merged(problem.known, rows)))
-    if not fit.free or not beside.shape[1]:
+    if not beside.shape[1]:
         return fit
     change = whiten(beside - whiten.columns[:, : beside.shape[1]])
     sigma = spread(left_with(problem, whiten, rows), parts)[:, None]

@@ -493,6 +493,25 @@ def test_a_drag_is_no_less_coulomb_and_more_viscous_friction(monkeypatch, agains
     assert [(item.effect, item.at) for item in rest.dropped] == [("coulomb_friction", "joint_1")][:growing]
 
 
+@pytest.mark.parametrize(("short", "name"), [(0.008, "joint_compliance"), (0.02, "joint_compliance_6d")])
+def test_a_likelier_name_may_close_a_hundredth_less(short, name):
+    """No finding needs to close more than that to be one."""
+    bearing, drive = (
+        Found(effect, 1, EffectRow(1, {}), 50.0) for effect in ("joint_compliance_6d", "joint_compliance")
+    )
+    held = {
+        item.effect: Held((item,), SimpleNamespace(), (), set(), HowFar({}, {}, {}, by, (0.0, 1.0), {}), (), None)
+        for item, by in ((bearing, 0.8), (drive, 0.8 - short))
+    }
+    judge = SimpleNamespace(
+        told_apart=lambda found, names: (names, (drive,) if found == (bearing,) else None),
+        held=lambda found: held[found[0].effect],
+    )
+    diagnosing = SimpleNamespace(_names=lambda state, found: (None, [()]))
+    kept, _, _ = diagnose._Diagnosing._named(diagnosing, None, judge, held["joint_compliance_6d"])
+    assert [item.effect for item in kept.found] == [name]
+
+
 def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_the_fitted_runs(monkeypatch):
     """Play that no fitted run crosses is an encoder's offset there, and is crossed where no fit saw it."""
     run = pendulum_run(duration=1.0)
