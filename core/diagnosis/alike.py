@@ -38,6 +38,8 @@ TRIED = 5
 FIRST_LOOK, LINEAR_LOOK = 0.25, 0.1
 # and springs about as stiff as one that was found: how many, and by what times its stiffness
 MOST_SPRINGS, ABOUT = 3, (0.4, 1.0, 2.5)
+# at its own place, where both turn the same bodies and what rings long is met near its own stiffness only
+BESIDE = (0.7, 0.78, 0.86, 0.93, 1.07, 1.15, 1.24, 1.34, 1.5, 1.7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +168,9 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
     out: list[Found] = []
     for effect, columns in TURNING.items():
         each = ways if effect == "joint_compliance" else [(k, b)]
-        for (stiffness, damping), at, times in itertools.product(each, range(1, problem.database.n + 1), ABOUT):
+        places = ((at, (*ABOUT, *BESIDE) if at == item.at else ABOUT) for at in range(1, problem.database.n + 1))
+        about = [(at, times) for at, some in places for times in some]
+        for (stiffness, damping), (at, times) in itertools.product(each, about):
             turns = effect != "joint_compliance" or problem.database.joints[at - 1].kind == "revolute"
             if not turns or clamped(problem, at) or not possible(problem, effect, at):
                 continue

@@ -97,6 +97,8 @@ MOST_BENT = 0.25
 LITTLE = 0.25
 # part of the gap along the measured motion that contradicts findings by which simulation has none
 CONTRADICTS = 0.3
+# log evidence on runs that no fit saw that no chance makes, of what closes most of the gap there
+NO_CHANCE = 50.0
 # into how many times as many steps what a spring rings at may cut a run: hard ones, and play, need ten
 FINER = 50.0
 # what gives way, and swings by itself
@@ -223,7 +225,7 @@ class Judge:
         how_far, overlays, after = self._how_far(found, unseen)
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
-        while (idle := _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen))) is not None:
+        while (idle := _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))) is not None:
             if tries and not numbers and (numbers := self._numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
@@ -281,16 +283,20 @@ class Judge:
         """Keys of what gives before clamped outputs, without which nothing could move there."""
         return {item.key for item in found if gives_alone(self.whole, found, item)}
 
-    def _kept_anyway(self, found: Sequence[Found], unseen: Unseen) -> set[tuple[str, int]]:
+    def _kept_anyway(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.
 
-        Of a spring that stiffens engines know a straight one, which rings elsewhere, and of a limit with a knee one
-        that cuts, which is reached elsewhere. Where the motion of runs that no fit saw has little left with the law
-        that was found, that is what there is, whatever the catalogue's does.
+        Nor what gives, where simulation hides the gap in its noise and the motion of runs that no fit saw has little
+        left with it: no chance comes to that. Of a spring that stiffens engines know a straight one, which rings
+        elsewhere, and of a limit with a knee one that cuts, which is reached elsewhere. Where the motion of runs that
+        no fit saw has little left with the law that was found, that is what there is, whatever the catalogue's does.
         """
         bends = unseen.beyond < MOST_LEFT and unseen.open * unseen.beyond < LITTLE
         sure = zip(found, unseen.numbers_beyond, unseen.gains, strict=True) if bends else ()
         others = {item.key for item, number, gain in sure if number and gain >= BEYOND_DOUBT}
+        if how_far.shrinks_by is None and unseen.open < MOSTLY:
+            gives = (k for k, item in enumerate(found) if item.effect in SPRINGS)
+            others |= {found[k].key for k in gives if unseen.gains[k] >= NO_CHANCE}
         return self._needed(found) | others
 
     def _closed(self, held: Held, small: Sequence[Found]) -> Held:
@@ -401,7 +407,7 @@ class Judge:
             how_far, overlays, after = self._how_far(found, unseen)
         except RefusedError:
             return None
-        if _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen)) is not None:
+        if _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far)) is not None:
             return None
         last = found[-1]
         dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (last.effect, last.place))

@@ -48,8 +48,10 @@ DAMPING = {
     "joint_compliance_6d": ("bx", "by", "bz", "brx", "bry", "brz"),
     "link_flexibility": ("bu", "bv"),
 }
-# how wide a play may be, as parts of what the smoothed motion says, which is no nearer than these are to each other
+# how wide a play may be, as parts of what the smoothed motion says, which is no nearer than these are to each other;
+# and how much nearer to the best of them others are tried, one step after the other
 WIDTHS = (0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2)
+NEARER = (0.025, 0.0125, 0.006)
 PLAY = ("backlash", "gap")
 # how many times as many steps as without it an engine may need for a cause that is tried
 STIFFER = 4.0
@@ -292,7 +294,12 @@ def _plays(fit: Refined) -> NDArray[np.bool_]:
 def _wide(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vector:
     """Numbers with each play as wide as leaves least energy."""
     for k in np.flatnonzero(_plays(fit)).tolist():
-        x = min((_with(x, k, part * x[k]) for part in WIDTHS), key=energy)
+        tried = [(energy(there), there) for there in (_with(x, k, part * x[k]) for part in WIDTHS)]
+        least, x = min(tried, key=lambda one: one[0])
+        for part in NEARER:
+            for there in (_with(x, k, (1.0 - part) * x[k]), _with(x, k, (1.0 + part) * x[k])):
+                if (left := energy(there)) < least:
+                    least, x = left, there
     return x
 
 

@@ -22,6 +22,8 @@ from .problem import Problem
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
+# play [rad or m], each so many times the last
+NARROW, WIDE, WIDTHS = 1.0e-4, 5.0e-2, 13
 # of springs that stiffen, by what part of itself one is stiffer at its root mean square stretch
 HARDER = (0.3, 1.0, 3.0)
 # what turns, by effect, and what damps it
@@ -72,6 +74,37 @@ def _spring(name: str, at: int, columns: tuple[str, ...], stiffness: float, iner
 
     one = np.ones(len(columns))
     return Hypothesis(name, at, f"{stiffness:.3g}", values, one, -np.inf * one, alone=False, curved=True)
+
+
+def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) -> list[Hypothesis]:
+    """Play at every joint that may have some beside these rows, from narrow to wide, but for what to skip.
+
+    Where an arm flies from one side of it to the other says nothing of where it does in a narrower one.
+
+    Args:
+        problem: The question.
+        rows: What was found.
+        skip: Effects and numbers of places.
+    """
+    name = "backlash"
+    taken = {(effect, row.at) for effect in (name, "joint_compliance") for row in rows.get(effect, ())} | set(skip)
+    out: list[Hypothesis] = []
+    for at in range(1, problem.database.n + 1):
+        known = problem.row_at(name, at, {}) or problem.row_at("joint_compliance", at, {})
+        if {(name, at), ("joint_compliance", at)} & taken or known is not None or not possible(problem, name, at):
+            continue
+        if clamped(problem, at):
+            continue
+        way = float(problem.way()[at - 1])
+        out += [_clearance(name, at, gap) for gap in np.geomspace(NARROW, WIDE, WIDTHS).tolist() if gap < 0.5 * way]
+    return out
+
+
+def _clearance(name: str, at: int, gap: float) -> Hypothesis:
+    def values(beta: np.ndarray) -> Values:
+        return defaults(name) | {"gap": gap * math.exp(float(beta[0]))}
+
+    return Hypothesis(name, at, f"{gap:.3g} wide", values, np.ones(1), -np.inf * np.ones(1), alone=False, curved=True)
 
 
 def stiffening(problem: Problem, rows: Rows, straight: Hypothesis) -> list[Hypothesis]:

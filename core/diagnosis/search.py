@@ -40,7 +40,7 @@ from .other_laws import beyond_catalogue
 from .plain import LEAST_MASS, at_a_point
 from .problem import BODIES, Problem
 from .refine import Refined, free_columns, left_with, refined, removal
-from .resonance import springs, stiffening
+from .resonance import clearances, springs, stiffening
 
 Vector = NDArray[np.float64]
 
@@ -916,8 +916,10 @@ def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int
     loud = _loud(state)
     if state.scales is None or not loud:
         return []
-    options = springs(state.problem, rows_of(state.found), state.scales, {*state.out, *skip})
-    tried = _by_energy(_rung(state, options))
+    rows, out = rows_of(state.found), {*state.out, *skip}
+    options = springs(state.problem, rows, state.scales, out)
+    wide = clearances(state.problem, rows, out)
+    tried = _by_energy(_rung(state, [*options, *wide]))
     if not state.found and tried and HINTS * loud <= _energy(state.left) - tried[0][0] < RINGS * loud:
         # one that stiffens rings nowhere as straight ones do, but near them
         bent = [bent for one in options for bent in stiffening(state.problem, {}, one)]

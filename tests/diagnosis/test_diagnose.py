@@ -21,7 +21,7 @@ from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.search import Found, Search, contenders
-from mbexport.core.diagnosis.unseen import Split, in_parts, splits
+from mbexport.core.diagnosis.unseen import Split, Unseen, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
@@ -303,6 +303,28 @@ def test_delays_and_springs_go_where_simulation_has_no_gap_for_them_to_close(eff
     rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 50.0)
     assert _idle([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
     assert _idle([rubs], (20.0,), far(None, {}, None)) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "gain", "left", "total", "stays"),
+    [
+        ("backlash", 90.0, 0.3, None, True),
+        ("link_flexibility", 90.0, 0.3, None, True),
+        ("backlash", 30.0, 0.3, None, False),
+        ("backlash", 90.0, 0.7, None, False),
+        ("delay", 90.0, 0.3, None, False),
+        ("backlash", 90.0, 0.3, 0.0, False),
+    ],
+)
+def test_what_gives_stays_where_only_simulation_hides_the_gap_that_it_closes(effect, gain, left, total, stays):
+    """Half of what the motion of unseen runs has, by evidence that no chance makes, is no ringing of noise."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(duration=1.0)])
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(1, 0), ())
+    gives = Found(effect, 0 if effect == "delay" else 1, EffectRow(1, {}), 50.0)
+    unseen = Unseen((gain,), (9.0,), (1.0,), (1.0,), ((gives.row,),), open=left, numbers_beyond=(0.0,))
+    told = far(total, {f"{effect} {gives.place}": 0.0}, None if total is None else (-0.1, 0.1))
+    kept = judge._kept_anyway([gives], unseen, told)
+    assert (_idle([gives], unseen.gains, told, kept) is None) == stays
 
 
 def test_a_delay_that_does_not_help_goes_whatever_its_evidence():

@@ -183,7 +183,7 @@ def test_how_wide_a_play_is_is_told_by_simulation_too():
     sure = replace(fit, rows={play.key: play.row}, covariance=np.diag([1e-10] * len(fit.free)))
     better = polished(asked, "rigid", runs, sure, "mjcf")
     told = better.rows[play.key].values["gap"]
-    assert told == pytest.approx(0.02, rel=0.02)
+    assert told == pytest.approx(0.02, rel=0.005)
     gap = next(k for k, (_, _, name) in enumerate(better.free) if name == "gap")
     assert math.sqrt(better.covariance[gap, gap]) >= told - 0.018
 

@@ -14,7 +14,7 @@ from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import held as holding
 from mbexport.core.diagnosis import inverse, refine
 from mbexport.core.diagnosis import search as searching
-from mbexport.core.diagnosis.alike import Alike, _springs_instead, alike
+from mbexport.core.diagnosis.alike import ABOUT, BESIDE, Alike, _springs_instead, alike
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.diagnosis import Rejected
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
@@ -36,7 +36,7 @@ from mbexport.core.diagnosis.refine import (
     stiffened,
     vanished,
 )
-from mbexport.core.diagnosis.resonance import springs
+from mbexport.core.diagnosis.resonance import NARROW, WIDE, clearances, springs
 from mbexport.core.diagnosis.search import (
     ALIKE,
     Contender,
@@ -492,6 +492,22 @@ def test_a_spring_that_rings_is_found_by_its_resonance():
     assert (spring.effect, spring.place) == ("joint_compliance", "joint_1")
     assert spring.row.values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
     assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
+
+
+def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of():
+    """Where an arm flies from one side of a narrow play to the other is not where it does in a wide one."""
+    runs = [soft_run(4000.0, 6.0, gap=0.04, seed=seed, duration=3.0) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
+    state.begin()
+    (play,) = _ringing(state, blocks(asked.evidence), ())
+    assert (play.effect, play.place) == ("backlash", "joint_1")
+    # how hard its contact is nobody told; simulation says how wide it is
+    assert play.row.values["gap"] == pytest.approx(0.04, rel=0.25)
+    widths = [one.rows(np.zeros(1))["backlash"][0].values["gap"] for one in clearances(asked, {}, ())]
+    assert [widths[0], max(widths)] == pytest.approx([NARROW, WIDE])
+    soft = {"joint_compliance": (EffectRow(1, {"stiffness": 400.0, "damping": 2.0}),)}
+    assert clearances(asked, soft, ()) == clearances(asked, {}, {("backlash", 1)}) == []
 
 
 def test_a_drive_is_wound_up_by_its_arm_and_not_by_its_rotor():
@@ -1118,8 +1134,14 @@ def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place(
     asked = question()
     arm = {"ku": 900.0, "kv": math.inf, "bu": 0.5, "bv": 0.0, "at": 0.5, "stiffening": 7.0}
     tried = _springs_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
-    assert [item.row.values["stiffness"] for item in tried[:3]] == [360.0, 900.0, 2250.0]
-    drive, bearing, bend = tried[1::3]
+    stiff = [900.0 * times for times in (*ABOUT, *BESIDE)]
+    count = len(stiff)
+    assert [item.row.values["stiffness"] for item in tried[:count]] == stiff
+    # what rings long is met within a few per cent of its own stiffness only
+    ordered = np.sort(stiff)
+    assert np.max((ordered[1:] / ordered[:-1])[1:-1]) < 1.8
+    assert np.max((ordered[1:] / ordered[:-1])[3:6]) < 1.1
+    drive, bearing, bend = tried[1::count]
     assert drive.key == ("joint_compliance", 1)
     assert drive.row.values == {"stiffness": 900.0, "damping": 0.5, "stiffening": 7.0}
     tilts = {"krx": 900.0, "kry": 900.0, "brx": 0.5, "bry": 0.5, "stiffening": 7.0}
@@ -1130,7 +1152,7 @@ def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place(
         asked, database=replace(asked.database, joints=(replace(asked.database.joints[0], kind="prismatic"),))
     )
     tried = _springs_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
-    assert [item.effect for item in tried] == ["joint_compliance_6d"] * 3 + ["link_flexibility"] * 3
+    assert [item.effect for item in tried] == ["joint_compliance_6d"] * count + ["link_flexibility"] * count
     assert _springs_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
 
 
