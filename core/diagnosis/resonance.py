@@ -1,7 +1,7 @@
 """Springs by their resonance: where a soft one rings, its signature holds near its own stiffness only.
 
-What gives is looked for along its whole range, one softness after the other; the search takes those that come nearest
-and frees their numbers.
+What gives is looked for along its whole range, one softness after the other, and one width of play after the other; the
+search takes those that come nearest and frees their numbers.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from .problem import Problem
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
-# play [rad or m], each so many times the last
-NARROW, WIDE, WIDTHS = 1.0e-4, 5.0e-2, 13
+# how wide play is [rad or m], each so many times the last, and up to which part of its joint's way
+NARROW, WIDE, WIDTHS, WIDEST = 1.0e-4, 5.0e-2, 13, 0.5
 # of springs that stiffen, by what part of itself one is stiffer at its root mean square stretch
 HARDER = (0.3, 1.0, 3.0)
 # what turns, by effect, and what damps it
@@ -86,25 +86,27 @@ def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) 
         rows: What was found.
         skip: Effects and numbers of places.
     """
-    name = "backlash"
-    taken = {(effect, row.at) for effect in (name, "joint_compliance") for row in rows.get(effect, ())} | set(skip)
+    gives = ("backlash", "joint_compliance")
+    ways = problem.way()
     out: list[Hypothesis] = []
     for at in range(1, problem.database.n + 1):
-        known = problem.row_at(name, at, {}) or problem.row_at("joint_compliance", at, {})
-        if {(name, at), ("joint_compliance", at)} & taken or known is not None or not possible(problem, name, at):
+        found = any(row.at == at for effect in gives for row in rows.get(effect, ()))
+        known = any(problem.row_at(effect, at, {}) for effect in gives)
+        if found or known or ("backlash", at) in skip or clamped(problem, at):
             continue
-        if clamped(problem, at):
-            continue
-        way = float(problem.way()[at - 1])
-        out += [_clearance(name, at, gap) for gap in np.geomspace(NARROW, WIDE, WIDTHS).tolist() if gap < 0.5 * way]
+        widest = WIDEST * float(ways[at - 1])
+        out += [_clearance(at, gap) for gap in np.geomspace(NARROW, WIDE, WIDTHS).tolist() if gap < widest]
     return out
 
 
-def _clearance(name: str, at: int, gap: float) -> Hypothesis:
-    def values(beta: np.ndarray) -> Values:
-        return defaults(name) | {"gap": gap * math.exp(float(beta[0]))}
+def _clearance(at: int, gap: float) -> Hypothesis:
+    """One so wide [rad or m]; its number is how much wider it is, as a logarithm."""
 
-    return Hypothesis(name, at, f"{gap:.3g} wide", values, np.ones(1), -np.inf * np.ones(1), alone=False, curved=True)
+    def values(beta: np.ndarray) -> Values:
+        return defaults("backlash") | {"gap": gap * math.exp(float(beta[0]))}
+
+    one = np.ones(1)
+    return Hypothesis("backlash", at, f"{gap:.3g} wide", values, one, -np.inf * one, alone=False, curved=True)
 
 
 def stiffening(problem: Problem, rows: Rows, straight: Hypothesis) -> list[Hypothesis]:

@@ -912,18 +912,18 @@ def _rings_first(state: Search, parts: Sequence[Part]) -> list[Found]:
 
 
 def _ringing(state: Search, parts: Sequence[Part], skip: Sequence[tuple[str, int]]) -> list[Found]:
-    """The spring that explains most of what no signature does, where that is loud; none or one."""
+    """The spring or play that explains most of what no signature does, where that is loud; none or one."""
     loud = _loud(state)
     if state.scales is None or not loud:
         return []
     rows, out = rows_of(state.found), {*state.out, *skip}
     options = springs(state.problem, rows, state.scales, out)
-    wide = clearances(state.problem, rows, out)
-    tried = _by_energy(_rung(state, [*options, *wide]))
-    if not state.found and tried and HINTS * loud <= _energy(state.left) - tried[0][0] < RINGS * loud:
+    rung = _rung(state, options)
+    takes = _energy(state.left) - min((_energy(left) for _, left in rung), default=math.inf)
+    if not state.found and HINTS * loud <= takes < RINGS * loud:
         # one that stiffens rings nowhere as straight ones do, but near them
-        bent = [bent for one in options for bent in stiffening(state.problem, {}, one)]
-        tried = _by_energy([*((one, left) for _, one, left in tried), *_rung(state, bent)])
+        rung += _rung(state, [bent for one in options for bent in stiffening(state.problem, {}, one)])
+    tried = _by_energy([*rung, *_rung(state, clearances(state.problem, rows, out))])
     if not tried:
         return []
     sigma = spread(tried[0][2], parts)
