@@ -510,6 +510,27 @@ def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of
     assert clearances(asked, soft, ()) == clearances(asked, {}, {("backlash", 1)}) == []
 
 
+@pytest.mark.parametrize(("takes", "tried"), [(0.1, True), (0.5, False)])
+def test_play_does_not_keep_springs_that_stiffen_from_being_tried(monkeypatch, takes, tried):
+    """Play takes much of what a spring that stiffens leaves: whether one is tried straight springs alone say."""
+    asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05, duration=2.0)])
+    state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
+    state.begin()
+    loud = searching._loud(state)
+    energy = float(state.left @ state.left)
+    leaves = {"joint_compliance": math.sqrt(1.0 - takes * loud / energy), "backlash": 0.1}
+
+    def rung(state, options):
+        return [(one, leaves.get(one.effect, 1.0) * state.left) for one in options]
+
+    asks = []
+    monkeypatch.setattr(searching, "_rung", rung)
+    monkeypatch.setattr(searching, "_tried", lambda *_, **__: None)
+    monkeypatch.setattr(searching, "stiffening", lambda *words: asks.append(words) or [])
+    assert _ringing(state, blocks(asked.evidence), ()) == []
+    assert bool(asks) == tried
+
+
 def test_a_drive_is_wound_up_by_its_arm_and_not_by_its_rotor():
     """A motor's torque may be a hundred times what goes through its drive."""
     t = np.arange(1000) / 250.0
