@@ -90,9 +90,8 @@ def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) 
     ways = problem.way()
     out: list[Hypothesis] = []
     for at in range(1, problem.database.n + 1):
-        found = any(row.at == at for effect in gives for row in rows.get(effect, ()))
-        known = any(problem.row_at(effect, at, {}) for effect in gives)
-        if found or known or ("backlash", at) in skip or clamped(problem, at):
+        there = any(problem.row_at(effect, at, rows) for effect in gives)
+        if there or ("backlash", at) in skip or clamped(problem, at):
             continue
         widest = WIDEST * float(ways[at - 1])
         out += [_clearance(at, gap) for gap in np.geomspace(NARROW, WIDE, WIDTHS).tolist() if gap < widest]
