@@ -147,7 +147,11 @@ def _formed(
     system = np.hstack([slope / np.where(size > 0.0, size, 1.0), columns])
     least = np.r_[np.full(free, -np.inf), [form.within[0] for form in forms]]
     most = np.r_[np.full(free, np.inf), [form.within[1] for form in forms]]
-    amounts = np.asarray(optimize.lsq_linear(system, -fit.left / sigma, bounds=(least, most)).x, dtype=np.float64)
+    # numbers that do the same go no farther for it
+    firm = np.hstack([SAME * np.eye(free), np.zeros((free, len(forms)))])
+    target = np.concatenate([-fit.left / sigma, np.zeros(free)])
+    solution = optimize.lsq_linear(np.vstack([system, firm]), target, bounds=(least, most))
+    amounts = np.asarray(solution.x, dtype=np.float64)
     left = fit.left + (system @ amounts) * sigma
     if gained(fit.left, left, spread(left, parts), parts) < EARNS:
         return {}

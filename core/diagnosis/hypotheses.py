@@ -627,7 +627,7 @@ def _clear(power: Vector) -> float:
 
 
 def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    """A body at the last arm: mass and first moments of a point, beside one that the nominal robot has."""
+    """A body at the last arm: mass and first moments of a point, then its moments, beside one that is there already."""
     m, x = _load_scale(problem, scales), 0.3 * scales.length
     start = known or defaults(name)
 
@@ -644,13 +644,21 @@ def _payload(problem: Problem, scales: Scales, name: str, at: int, known: Values
             return values
         return values | {c: values[c] + float(b) for c, b in zip(TENSOR, beta[4:], strict=True)}
 
+    def ball(beta: Vector) -> Values:
+        return start | {c: start[c] + float(beta[0]) for c in TENSOR[:3]}
+
     lower = np.array([-start["mass"], *[-np.inf] * 3])
     mass, tensor = np.array([m, m * x, m * x, m * x]), np.full(len(TENSOR), m * x * x)
     free = np.full(len(TENSOR), -np.inf)
-    return [
+    forms = [
         Hypothesis(name, 0, "point", point, mass, lower, carried=True),
         Hypothesis(name, 0, "body", body, np.append(mass, tensor), np.append(lower, free), carried=True),
     ]
+    if start["mass"] > 0.0:
+        # what hangs there is as thick as it is wide, before it is known better
+        least = np.array([-min(start[c] for c in TENSOR[:3])])
+        forms.append(Hypothesis(name, 0, "ball", ball, np.array([start["mass"] * x * x]), least))
+    return forms
 
 
 def _load_scale(problem: Problem, scales: Scales) -> float:

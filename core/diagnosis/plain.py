@@ -22,13 +22,17 @@ RESTS = math.pi, 1.0
 SHIFTED = 0.1
 # extra mass below which it has no center, and how thick it may be [masses of the arm, and times its length squared]
 LEAST_MASS, THICK = 0.02, 0.01
+MOMENTS = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+# one standard deviation of how far a load's second moment of mass may be below none, as part of its largest moment
+HOLLOW = 1.0e-3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plain:
     """What numbers are where no run shows them, loosely: geometry as it is known, extra mass at a point near its frame.
 
-    A spring's joint rests where it can be: beside a torque's offset a fit could go on with both for ever.
+    A spring's joint rests where it can be: beside a torque's offset a fit could go on with both for ever. And what
+    hangs at an arm is a body: its mass is spread along every axis by no less than nothing.
 
     Attributes:
         small: Places of the errors of geometry, and of where a load is and a spring rests, among the numbers that are
@@ -36,12 +40,14 @@ class Plain:
         loose: Standard deviation of each.
         arms: Of each arm with an extra mass, the places of its numbers by their names, and the arm's own mass [kg].
         length: What is long for an arm [m].
+        load: Number in MOMENTS, and place, of each of a load's moments of inertia that is fitted.
     """
 
     small: tuple[int, ...]
     loose: Vector
     arms: tuple[tuple[dict[str, int], float], ...]
     length: float
+    load: tuple[tuple[int, int], ...] = ()
 
     @staticmethod
     def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> Plain:
@@ -63,7 +69,13 @@ class Plain:
         mass = {at: problem.database.inertias[at - 1].mass for at in arms}
         heavy = max(1e-3, *(body.mass for body in problem.database.inertias))
         small, loose = tuple(deviations), np.array(list(deviations.values()))
-        return Plain(small, loose, tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items()), length)
+        load = tuple(
+            (MOMENTS.index(name), k)
+            for k, (effect, _, name) in enumerate(free)
+            if effect == "payload" and name in MOMENTS
+        )
+        extra = tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items())
+        return Plain(small, loose, extra, length, load)
 
     def apart(self, values: Vector) -> Vector:
         """By how many standard deviations numbers differ from that, shape (p,)."""
@@ -79,7 +91,21 @@ class Plain:
             point = at_a_point(there, LEAST_MASS * mass)
             size = THICK * mass * self.length**2
             parts.append(np.array([(there[name] - point[name]) / size for name in point if name in there]))
+        if self.load:
+            moments = np.zeros(len(MOMENTS))
+            for number, k in self.load:
+                moments[number] = values[k]
+            parts.append(_hollow(moments) / HOLLOW)
         return np.concatenate(parts)
+
+
+def _hollow(moments: Vector) -> Vector:
+    """How far below none the second moments of mass are, as parts of the largest moment of inertia, shape (3,)."""
+    xx, yy, zz, xy, xz, yz = moments
+    principal = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+    second = 0.5 * float(principal.sum()) - principal
+    largest = max(float(np.abs(principal).max()), 1e-12)
+    return np.maximum(-second, 0.0) / largest
 
 
 def at_a_point(body: Mapping[str, float], least: float) -> dict[str, float]:

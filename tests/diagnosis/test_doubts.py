@@ -13,6 +13,7 @@ from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.beyond import SECOND, SECOND_PHASE
 from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.hypotheses import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
@@ -42,6 +43,23 @@ def damped(bend):
     speed = command(np.linspace(0.0, 4.0, 4001))[1]
     torque = np.array([bend(v) for v in speed.tolist()])
     return fit, doubts, float(speed @ torque / (speed @ speed))
+
+
+def test_numbers_that_do_the_same_go_nowhere_together_for_a_law_of_another_form():
+    """A rotor's inertia and its arm's are one number to a motor: by how much each is, other forms do not say."""
+
+    def bend(t, q, dq):
+        return 0.5 * dq / (1.0 + 0.15 * abs(dq))
+
+    asked, whiten, parts = asked_of([pendulum_run("motion", bend, seed=seed) for seed in (1, 2)])
+    turns = Found("rotor_inertia", 1, EffectRow(1, {"inertia": 0.01}), 20.0)
+    heavy = Found("link_inertia", 1, EffectRow(1, {**defaults("link_inertia"), "Izz": 0.01}), 20.0)
+    found = [DAMPS, turns, heavy]
+    fit = refined(asked, whiten, found, parts)
+    doubts = doubts_of(asked, whiten, found, fit, fit, parts)
+    assert doubts[PLACE] > 0.01
+    for place in fit.free:
+        assert doubts[place] < 0.2
 
 
 def half_of(fit, place):

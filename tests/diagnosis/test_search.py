@@ -759,6 +759,37 @@ def test_a_load_is_near_the_hand():
     assert far > 50.0
 
 
+def test_a_load_is_a_body():
+    """A box of 3 by 4 by 5, turned; the same with a side whose square is below none; and a sphere."""
+    plain = Plain.of(question(), tuple(("payload", 0, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")))
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+    def apart(squares):
+        about = turn @ np.diag(np.sum(squares) - np.array(squares)) @ turn.T
+        moments = [about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2]]
+        return float(np.sum(plain.apart(1e-4 * np.array(moments)) ** 2))
+
+    assert apart([9.0, 16.0, 25.0]) == apart([9.0, 16.0, 0.0]) == pytest.approx(0.0, abs=1e-12)
+    # the largest moment is 25: its mass is hollow by a hundredth, ten standard deviations
+    assert apart([9.0, 16.0, -0.25]) == pytest.approx(100.0)
+    some = Plain.of(question(), (("payload", 0, "mass"), ("payload", 0, "Izz"), ("payload", 0, "Ixx")))
+    assert float(np.sum(some.apart(np.array([1.0, 2e-4, 2e-4])) ** 2)) == pytest.approx(0.0, abs=1e-12)
+    assert float(np.sum(some.apart(np.array([1.0, 4e-4, 2e-4])) ** 2)) > 1e4
+
+
+def test_a_load_that_was_found_is_next_as_thick_as_it_is_wide():
+    """One number for its moments: six are dearer than what they say of a load of the size of a fist."""
+    asked = question()
+    point = {"mass": 0.4, "x": 0.01, "y": 0.0, "z": 0.02}
+    there = {"payload": (EffectRow(0, dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0) | point),)}
+    forms = {h.form: h for h in hypotheses(asked, there, scales_of(asked, {})) if h.effect == "payload"}
+    (ball,) = forms["ball"].rows(np.array([2.0e-4]))["payload"]
+    assert [ball.values[name] for name in ("Ixx", "Iyy", "Izz", "Ixy")] == [2e-4, 2e-4, 2e-4, 0.0]
+    assert {name: ball.values[name] for name in point} == point
+    assert forms["ball"].lower == pytest.approx(0.0)
+    assert "ball" not in {h.form for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "payload"}
+
+
 def test_the_extra_mass_of_an_arm_is_near_the_arm():
     plain = Plain.of(question(), tuple(("link_inertia", 1, name) for name in ("mass", "mx", "my", "mz")))
     near, far = (float(np.sum(np.square(plain.apart(np.array([0.5, 0.5 * x, 0.0, 0.0]))))) for x in (0.05, 3.0))
