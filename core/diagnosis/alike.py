@@ -12,23 +12,17 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from .beyond import SPRINGS, STIFFENING
+from .contender import Contender
 from .fit import blocks, gained, spread, takes_the_same
+from .found import Found, never_slipping, rows_of, without_bodies
 from .hypotheses import clamped, defaults, possible, twins_of
 from .other_laws import beyond_catalogue
 from .problem import Problem
 from .refine import Refined, refined
 from .resonance import DAMPING, TURNING
-from .search import (
-    ALIKE,
-    ALIKE_SHARE,
-    Contender,
-    Found,
-    Search,
-    contenders,
-    never_slipping,
-    rows_of,
-    without_bodies,
-)
+from .search import ALIKE_SHARE
+from .state import Search, contenders
+from .tried import ALIKE
 
 Vector = NDArray[np.float64]
 

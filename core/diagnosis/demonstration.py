@@ -13,15 +13,17 @@ from ..errors import UsageError
 from ..motion import MotionLaw
 from ..recording import Run
 from ..simulation import Backend, Trace, simulate
+from .contender import THRESHOLD
 from .evidence import gather, sample
 from .experiment import Experiment
 from .fit import blocks, spread
+from .found import Found, rows_of
 from .imagined import template
 from .mimic import Model, Sizes
 from .model import merged
 from .nuisances import whitening
 from .problem import Problem
-from .search import ALIKE_SHARE, THRESHOLD, Found, rows_of
+from .search import ALIKE_SHARE
 from .sensed import noise_in
 from .words import capitalised, cause_in_words
 

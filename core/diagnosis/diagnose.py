@@ -19,6 +19,7 @@ from ..representation import JointKind
 from ..simulation.backends import backend_named, backend_names
 from .alike import Alike, alike
 from .beyond import SPRINGS
+from .contender import THRESHOLD, Contender
 from .demonstration import shown
 from .diagnosis import (
     Diagnosis,
@@ -36,9 +37,11 @@ from .doubts import Doubts, doubted, doubts_of, untold
 from .experiment import Experiment, design
 from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
+from .found import Found, rows_of
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .held import HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
+from .hypotheses import place_of
 from .model import Rows, level_rows, merged, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
@@ -50,8 +53,9 @@ from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import residuals, resimulated
 from .scores import scores
-from .search import BEYOND_DOUBT, THRESHOLD, Contender, Found, Search, part_open, place_of, prune, rows_of, search
+from .search import search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .state import BEYOND_DOUBT, Search, part_open, prune
 from .tolerated import with_tolerances
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, place_in_words, variable_in_words

@@ -18,13 +18,13 @@ from ..effects import EffectRow
 from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogue, harmonics
 from .fit import Part, gained, spread
 from .forms import have_other_forms, law_along, other_forms
+from .found import Found, gives_alone
 from .hypotheses import defaults
 from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import SHAPES, Refined
-from .search import Found, gives_alone
 from .unseen import EARNS
 
 Vector = NDArray[np.float64]

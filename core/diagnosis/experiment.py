@@ -31,14 +31,16 @@ from ..motion import MotionLaw
 from ..motion.excitation import ACCELERATION, AMPLITUDE, SHARE, SPEED
 from ..motion.probes import Probe, Room, one_after_the_other, probes, stretched, units
 from ..motion.tables import table_of_law
+from .contender import THRESHOLD
 from .diagnosis import NextExperiment
 from .experiment_words import Pair, because_in_words, why_in_words
+from .found import Found, rows_of
 from .imagined import imagined, template
 from .mimic import Model, Sizes, Weigh, as_it_is
 from .model import Rows, merged
 from .nuisances import whitening
 from .problem import Problem
-from .search import ALIKE_SHARE, THRESHOLD, Found, rows_of
+from .search import ALIKE_SHARE
 
 Vector = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from .search import Found
+from .found import Found
 from .words import SIGNALS, capitalised, cause_in_words, listed, percent, quantity
 
 # what a cause does that others do not, as the end of a sentence that begins with its name

@@ -50,6 +50,11 @@ class Linear:
     told: float
 
 
+def energy_of(left: Vector) -> float:
+    """Sum of squares of what is left."""
+    return float(left @ left)
+
+
 def linear(r0: Vector, slope: Vector, scale: Vector, lower: Vector) -> Linear:
     """The most probable beta of r0 + slope beta ~ N(0, 1), beta ~ N(0, (s scale)^2), beta >= lower, s of SMALLER.
 

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from ..effects import EffectRow, effect_named
 from .beyond import KNEE, LIMIT, SPRINGS, WAVES, by_catalogue, cut_softly
 from .evidence import coefficients
+from .found import Found, rows_of
 from .inverse import Said
 from .nuisances import Whitening
 from .problem import BODIES, Problem
-from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 

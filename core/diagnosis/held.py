@@ -18,10 +18,12 @@ from ..signals import JOINT_SIGNALS
 from .alike import Alike
 from .beyond import KNEE, LIMIT
 from .beyond import SPRINGS as STIFFNESSES
+from .contender import THRESHOLD
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks, spread
 from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave, torque_column
+from .found import Found, at_points, gives_alone, rows_of, without_bodies
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, corrected, how_far, name_of
 from .hypotheses import GIVING
@@ -34,19 +36,10 @@ from .problem import Problem, problem
 from .refine import BEARING, SHORTEST_PART, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated, steps_of
 from .resonance import springs
-from .search import (
-    ALIKE,
-    ALIKE_SHARE,
-    THRESHOLD,
-    Found,
-    Search,
-    at_points,
-    beside,
-    gives_alone,
-    rows_of,
-    without_bodies,
-)
+from .search import ALIKE_SHARE
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
+from .state import Search, beside
+from .tried import ALIKE
 from .unseen import (
     EARNS,
     NOTHING,

@@ -15,11 +15,11 @@ from ..recording.run import MEASURED
 from ..representation import Robot
 from .blocks import Blocks, Sums
 from .diagnosis import EffectShare, HowFar, Overlay
+from .found import Found, rows_of
 from .gap import LEVEL
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .resimulate import compared, residuals, resimulated
-from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]

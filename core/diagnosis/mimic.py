@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import Column, EffectRow, effect_named
+from .found import Found, rows_of
 from .model import Rows, merged
 from .problem import Problem
 from .refine import free_columns
-from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 Weigh = Callable[[Vector], Vector]

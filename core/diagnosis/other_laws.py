@@ -32,7 +32,7 @@ from .refine import Refined, left_with, refined
 from .resonance import stretch_along
 
 if TYPE_CHECKING:
-    from .search import Found
+    from .found import Found
 
 Vector = NDArray[np.float64]
 

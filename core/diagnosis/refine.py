@@ -21,7 +21,7 @@ from .problem import Problem
 from .slopes import Sloped, differences
 
 if TYPE_CHECKING:
-    from .search import Found
+    from .found import Found
 
 Vector = NDArray[np.float64]
 

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from .contender import LOUD
 from .diagnosis import Score
 from .fit import linear
-from .search import LOUD, Search, place_of
+from .hypotheses import place_of
+from .state import Search
 
 
 def scores(state: Search, found: Mapping[tuple[str, int], float]) -> tuple[Score, ...]:

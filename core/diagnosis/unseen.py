@@ -14,12 +14,12 @@ from ..recording import Run
 from .beyond import number_of
 from .fit import Part, blocks, edges_of, gained, spread
 from .forms import Forms, beyond_forms
+from .found import Found, rows_of
 from .gap import loudest_along, shows_in_band
 from .nuisances import Whitening
 from .other_laws import straightened
 from .problem import FAR, Problem
 from .refine import Refined, left_with, refined, removal
-from .search import Found, rows_of
 
 Vector = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.polish import polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resimulate import resimulated
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
 from .pendulums import pendulum_run

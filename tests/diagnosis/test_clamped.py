@@ -13,6 +13,7 @@ from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.diagnose import diagnose
 from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypotheses import GIVING
 from mbexport.core.diagnosis.inverse import clamped_at, said
 from mbexport.core.diagnosis.model import robot_of
@@ -22,7 +23,8 @@ from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resimulate import compared, resimulated
-from mbexport.core.diagnosis.search import Found, Search, prune, search
+from mbexport.core.diagnosis.search import search
+from mbexport.core.diagnosis.state import Search, prune
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError
 

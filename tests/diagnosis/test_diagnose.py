@@ -15,12 +15,13 @@ from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
 from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.search import Found, Search, contenders
+from mbexport.core.diagnosis.state import Search, contenders
 from mbexport.core.diagnosis.unseen import Split, Unseen, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError

@@ -13,12 +13,12 @@ from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.beyond import SECOND, SECOND_PHASE
 from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypotheses import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import Refined, refined
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
 from .pendulums import INERTIA, WEIGHT, command, pendulum_run, soft_run

@@ -14,7 +14,8 @@ from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.diagnosis.search import search
+from mbexport.core.diagnosis.state import Search
 from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import kinematics
 

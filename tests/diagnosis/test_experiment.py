@@ -14,8 +14,8 @@ from mbexport.core.database.write import folder_texts
 from mbexport.core.diagnosis.demonstration import shown
 from mbexport.core.diagnosis.experiment import Experiment, design
 from mbexport.core.diagnosis.experiment_words import SHOWS
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow, catalogue, effect_named
 from mbexport.core.errors import UsageError
 from mbexport.core.kinematics import dynamics

@@ -12,13 +12,15 @@ from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.held import MOST_LEFT, Judge
 from mbexport.core.diagnosis.hypotheses import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import as_harmonics, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.search import Found, Search, search
+from mbexport.core.diagnosis.search import search
+from mbexport.core.diagnosis.state import Search
 from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow

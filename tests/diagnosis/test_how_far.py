@@ -10,8 +10,8 @@ import pytest
 from pendulums import pendulum_run
 
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.how_far import Fold, _Shrunk, how_far
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow
 
 DATABASE = load("pendulum")

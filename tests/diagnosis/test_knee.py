@@ -11,6 +11,7 @@ from mbexport.core.diagnosis.beyond import KNEE, cut_softly
 from mbexport.core.diagnosis.cutting import cutting
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import SOFTLY_SAID
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.nuisances import whitening
@@ -18,7 +19,6 @@ from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resimulate import resimulated
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.diagnosis.stamps import shift_of
 from mbexport.core.effects import EffectRow
 

@@ -7,11 +7,11 @@ import pytest
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.moments import with_moments
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow, effect_named
 
 from .pendulums import INERTIA, pendulum_run

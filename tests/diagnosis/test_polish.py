@@ -10,13 +10,13 @@ import pytest
 from mbexport.core.database import load
 from mbexport.core.diagnosis import polish
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.polish import KnownSlopes, _Loose, _scatter, closing, polished
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
 

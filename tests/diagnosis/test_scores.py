@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis.contender import Contender
 from mbexport.core.diagnosis.hypotheses import hypotheses, scales_of
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.scores import scores
-from mbexport.core.diagnosis.search import Contender, Search
+from mbexport.core.diagnosis.state import Search
 
 from .pendulums import pendulum_run
 

@@ -12,15 +12,19 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
 from mbexport.core.diagnosis import held as holding
-from mbexport.core.diagnosis import inverse, refine
-from mbexport.core.diagnosis import search as searching
+from mbexport.core.diagnosis import instead, inverse, refine
+from mbexport.core.diagnosis import ringing as by_ringing
+from mbexport.core.diagnosis import tried as all_free
 from mbexport.core.diagnosis.alike import ABOUT, BESIDE, Alike, _springs_instead, alike
+from mbexport.core.diagnosis.contender import Contender, _most_gone
 from mbexport.core.diagnosis.diagnose import _finding
 from mbexport.core.diagnosis.diagnosis import Rejected
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
+from mbexport.core.diagnosis.found import Found, rows_of, without_bodies
 from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Judge
 from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
+from mbexport.core.diagnosis.instead import swapped
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
@@ -37,21 +41,10 @@ from mbexport.core.diagnosis.refine import (
     vanished,
 )
 from mbexport.core.diagnosis.resonance import NARROW, WIDE, clearances, springs
-from mbexport.core.diagnosis.search import (
-    ALIKE,
-    Contender,
-    Found,
-    Search,
-    _likeliest,
-    _most_gone,
-    _ringing,
-    _swapped,
-    contenders,
-    prune,
-    rows_of,
-    search,
-    without_bodies,
-)
+from mbexport.core.diagnosis.ringing import one_that_rings
+from mbexport.core.diagnosis.search import _likeliest, search
+from mbexport.core.diagnosis.state import Search, contenders, prune
+from mbexport.core.diagnosis.tried import ALIKE
 from mbexport.core.diagnosis.unseen import EARNS, Short, Split, Unseen, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import MbexportError, RefusedError
@@ -193,11 +186,11 @@ def test_a_name_that_says_more_beside_the_others_is_put_in_the_place_of_one_pick
     ]
     state = having(asked, whiten, parts, both)
     before = float(state.left @ state.left)
-    assert _swapped(state, parts)
+    assert swapped(state, parts)
     assert {item.effect for item in state.found} & {"payload", "link_inertia"}
     assert "torque_constant" not in {item.effect for item in state.found}
     assert float(state.left @ state.left) < before - 20.0
-    assert not _swapped(state, parts)
+    assert not swapped(state, parts)
 
 
 @pytest.mark.parametrize("seems_to_leave", [0.0, 0.02])
@@ -224,14 +217,14 @@ def test_the_plain_name_takes_the_place_of_one_with_more_numbers_that_says_the_s
     if unreal:
         state.unreal.add(("coulomb_friction", 1))
     if seems_to_leave:
-        all_of = searching.contenders
+        all_of = instead.contenders
 
         def roughly(beside, *rest):
             more = np.sqrt(seems_to_leave * float(beside.left @ beside.left) / len(beside.left))
             return [replace(one, left=one.left + more) for one in all_of(beside, *rest)]
 
-        monkeypatch.setattr(searching, "contenders", roughly)
-    assert _swapped(state, parts)
+        monkeypatch.setattr(instead, "contenders", roughly)
+    assert swapped(state, parts)
     assert [item.effect for item in sorted(state.found, key=lambda one: one.effect)] == [
         "coulomb_friction",
         "viscous_friction",
@@ -259,11 +252,11 @@ def test_a_plain_name_that_explains_something_else_takes_no_ones_place(monkeypat
         other.found, other.slope = list(trial), np.ones((len(loud), 2))
         other.left = without_spring + 0.999 * loud if something_else else state.left + 0.9999 * loud
 
-    monkeypatch.setattr(searching, "left_with", lambda *asked: left_of(*asked) + loud)
-    monkeypatch.setattr(searching, "refined", lambda *asked: replace(fitted(*asked), left=state.left + loud))
-    monkeypatch.setattr(searching, "contenders", lambda *beside: [contender])
-    monkeypatch.setattr(searching, "prune", as_said)
-    assert _swapped(state, parts) == (not something_else)
+    monkeypatch.setattr(instead, "left_with", lambda *asked: left_of(*asked) + loud)
+    monkeypatch.setattr(instead, "refined", lambda *asked: replace(fitted(*asked), left=state.left + loud))
+    monkeypatch.setattr(instead, "contenders", lambda *beside: [contender])
+    monkeypatch.setattr(instead, "prune", as_said)
+    assert swapped(state, parts) == (not something_else)
 
 
 @pytest.mark.parametrize(("says_more", "names"), [(0.0, 2), (60.0, 1)])
@@ -284,10 +277,10 @@ def test_one_cause_with_more_numbers_than_two_must_say_more_than_they_do(monkeyp
     def as_said(other, trial, fit, parts, keep=None):
         other.found, other.left, other.slope = list(trial)[:1], said, np.ones((len(said), 5))
 
-    monkeypatch.setattr(searching, "refined", lambda *asked: None)
-    monkeypatch.setattr(searching, "prune", as_said)
-    monkeypatch.setattr(searching, "without_bodies", lambda *asked: set())
-    searching._condense(state, parts)
+    monkeypatch.setattr(instead, "refined", lambda *asked: None)
+    monkeypatch.setattr(instead, "prune", as_said)
+    monkeypatch.setattr(instead, "without_bodies", lambda *asked: set())
+    instead.condense(state, parts)
     assert len(state.found) == names
 
 
@@ -319,9 +312,9 @@ def test_more_numbers_of_a_finding_in_the_place_of_another_are_no_second_one(mon
     trials = []
     fuller = Hypothesis("link_inertia", 1, "all", lambda beta: dict(body.values), np.ones(1), np.zeros(1))
     contender = Contender(fuller, 90.0, 1.0, np.ones(1), state.left, 1.0)
-    monkeypatch.setattr(searching, "contenders", lambda *beside: [contender])
-    monkeypatch.setattr(searching, "prune", lambda other, trial, *rest: trials.append([item.key for item in trial]))
-    assert not _swapped(state, parts)
+    monkeypatch.setattr(instead, "contenders", lambda *beside: [contender])
+    monkeypatch.setattr(instead, "prune", lambda other, trial, *rest: trials.append([item.key for item in trial]))
+    assert not swapped(state, parts)
     assert [("link_inertia", 1)] in trials
     assert all(len(set(trial)) == len(trial) for trial in trials)
 
@@ -488,7 +481,7 @@ def test_a_spring_that_rings_is_found_by_its_resonance():
     asked = problem(load("pendulum"), "rigid", [soft_run(stiffness, 0.05, seed=seed) for seed in (1, 2)])
     state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
     state.begin()
-    (spring,) = _ringing(state, blocks(asked.evidence), ())
+    (spring,) = one_that_rings(state, blocks(asked.evidence), ())
     assert (spring.effect, spring.place) == ("joint_compliance", "joint_1")
     assert spring.row.values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
     assert spring.row.values["damping"] == pytest.approx(0.05, rel=0.02)
@@ -500,7 +493,7 @@ def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of
     asked = problem(load("pendulum"), "rigid", runs)
     state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
     state.begin()
-    (play,) = _ringing(state, blocks(asked.evidence), ())
+    (play,) = one_that_rings(state, blocks(asked.evidence), ())
     assert (play.effect, play.place) == ("backlash", "joint_1")
     # how hard its contact is nobody told; simulation says how wide it is
     assert play.row.values["gap"] == pytest.approx(0.04, rel=0.25)
@@ -516,7 +509,7 @@ def test_play_does_not_keep_springs_that_stiffen_from_being_tried(monkeypatch, t
     asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05, duration=2.0)])
     state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
     state.begin()
-    loud = searching._loud(state)
+    loud = by_ringing.loudness(state)
     energy = float(state.left @ state.left)
     leaves = {"joint_compliance": math.sqrt(1.0 - takes * loud / energy), "backlash": 0.1}
 
@@ -524,10 +517,10 @@ def test_play_does_not_keep_springs_that_stiffen_from_being_tried(monkeypatch, t
         return [(one, leaves.get(one.effect, 1.0) * state.left) for one in options]
 
     asks = []
-    monkeypatch.setattr(searching, "_rung", rung)
-    monkeypatch.setattr(searching, "_tried", lambda *_, **__: None)
-    monkeypatch.setattr(searching, "stiffening", lambda *words: asks.append(words) or [])
-    assert _ringing(state, blocks(asked.evidence), ()) == []
+    monkeypatch.setattr(by_ringing, "_rung", rung)
+    monkeypatch.setattr(by_ringing, "best_tried", lambda *_, **__: None)
+    monkeypatch.setattr(by_ringing, "stiffening", lambda *words: asks.append(words) or [])
+    assert one_that_rings(state, blocks(asked.evidence), ()) == []
     assert bool(asks) == tried
 
 
@@ -554,11 +547,11 @@ def test_springs_tried_alone_are_remembered(monkeypatch):
     whiten = whitening(asked)
     state = Search(asked, whiten, scales=scales_of(asked, {}))
     state.begin()
-    monkeypatch.setattr(searching, "_tried", lambda state, good, *_, **__: list(good))
-    (first,) = _ringing(state, blocks(asked.evidence), ())
+    monkeypatch.setattr(by_ringing, "best_tried", lambda state, good, *_, **__: list(good))
+    (first,) = one_that_rings(state, blocks(asked.evidence), ())
     counted = []
     monkeypatch.setattr(type(asked), "misfit", lambda self, rows: counted.append(rows))
-    (again,) = _ringing(state.without(()), blocks(asked.evidence), ())
+    (again,) = one_that_rings(state.without(()), blocks(asked.evidence), ())
     assert not counted
     assert [one.gain for one in again] == pytest.approx([one.gain for one in first])
 
@@ -573,10 +566,10 @@ def test_what_springs_change_beside_another_says_nothing_of_what_they_change_in_
     bend = Found("link_flexibility", 1, EffectRow(1, bends), 50.0)
     damps = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1e-3}), 50.0, EffectRow(1, {"coefficient": 0.0}))
     state.take([bend, damps], refined(asked, whiten, [bend, damps], parts))
-    monkeypatch.setattr(searching, "_loud", lambda state: float(state.left @ state.left) - len(state.left))
-    searching._rung(state, springs(asked, rows_of(state.found), state.scales, ()))
+    monkeypatch.setattr(by_ringing, "loudness", lambda state: float(state.left @ state.left) - len(state.left))
+    by_ringing._rung(state, springs(asked, rows_of(state.found), state.scales, ()))
     assert "link_flexibility" in state.rung_beside
-    found, fit = searching._spring_instead(state, parts)
+    found, fit = by_ringing.spring_instead(state, parts)
     assert [item.effect for item in found if item.key != damps.key] == ["joint_compliance"]
     assert fit.rows["joint_compliance", 1].values["stiffness"] == pytest.approx(stiffness, rel=1e-3)
 
@@ -603,7 +596,7 @@ def test_a_bearing_that_gives_both_ways_is_not_half_of_one_and_the_next_joints_d
     state = Search(asked, whiten)
     state.take([half, drive], refined(asked, whiten, [half, drive], parts))
     state.scales = scales_of(asked, {})
-    searching._one_spring(state, parts)
+    by_ringing.one_spring(state, parts)
     assert [item.key for item in state.found] == [("joint_compliance_6d", 1)]
     row = state.found[0].row.values
     assert [row["krx"], row["kry"]] == pytest.approx([4.0e4, 4.0e4], rel=0.02)
@@ -628,16 +621,16 @@ def test_of_springs_that_ring_each_is_judged_with_the_noise_that_it_makes(monkey
         left = leaves[item.effect] * asked.evidence.weights
         return SimpleNamespace(rows={item.key: item.row}, left=left, free=(1, 2), numbers_of=lambda key: [0, 1])
 
-    monkeypatch.setattr(searching, "refined", fitted)
+    monkeypatch.setattr(all_free, "refined", fitted)
     plain = heard_as(np.ones(50))
     whiten = SimpleNamespace(shrink=np.ones(0), told_by=lambda before, now: whiten)
     state = SimpleNamespace(problem=plain, whiten=whiten, found=[])
     tried = [(50.0, item, fitted(plain, whiten, [item], [])) for item in (one, other)]
     left = [float(fit.left @ fit.left) for *_, fit in tried]
     assert left[1] < left[0]
-    assert searching._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == one.key
+    assert all_free._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == one.key
     noise[one.effect][:] = 1.0
-    assert searching._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == other.key
+    assert all_free._by_own_noise(state, tried, [Part(0, 50, 0, 50)]).key == other.key
 
 
 def test_springs_whose_motion_cannot_be_worked_out_say_nothing(monkeypatch):
@@ -668,12 +661,12 @@ def test_springs_beside_what_was_found_meanwhile_are_tried_near_where_they_came_
     state = Search(asked, whiten, scales=scales_of(asked, {}))
     state.begin()
     options = springs(asked, {}, state.scales, ())
-    alone = {(one.key, one.form): left for one, left in searching._rung(state, options)}
+    alone = {(one.key, one.form): left for one, left in by_ringing._rung(state, options)}
     assert len(alone) == len(options)
     weight = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.01})
     state.found = [Found("link_inertia", 1, weight, 100.0)]
     state.left = whiten(asked.residual(rows_of(state.found)))
-    beside = {(one.key, one.form): left for one, left in searching._rung(state, options)}
+    beside = {(one.key, one.form): left for one, left in by_ringing._rung(state, options)}
     assert len(beside) <= 3 * len({one.key for one in options})
     for (key, form), left in beside.items():
         spring = next(one for one in options if (one.key, one.form) == (key, form))

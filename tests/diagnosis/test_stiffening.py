@@ -11,13 +11,15 @@ from mbexport.core.database import load
 from mbexport.core.diagnosis.beyond import STIFFENING, places
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import STIFFENS_SAID
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypotheses import defaults, scales_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resonance import springs, stiffening
-from mbexport.core.diagnosis.search import RINGS, Found, Search, _rings_first
+from mbexport.core.diagnosis.ringing import RINGS, rings_first
+from mbexport.core.diagnosis.state import Search
 from mbexport.core.effects import EffectRow
 from mbexport.core.expansion import expanded
 
@@ -160,7 +162,7 @@ def test_one_that_stiffens_rings_nowhere_as_a_straight_one_does(times, straight)
     assert takes is straight
     bent = [other for one in drives for other in stiffening(asked, {}, one)]
     assert straight or least(bent) < 0.9 * least(drives)
-    (found,) = _rings_first(state, blocks(asked.evidence))
+    (found,) = rings_first(state, blocks(asked.evidence))
     assert found.key == ("joint_compliance", 1)
     assert (found.row.values.get(STIFFENING, 0.0) > 0.0) is not straight
 

@@ -9,10 +9,10 @@ from mbexport.core.build import assembled, build
 from mbexport.core.control import Control
 from mbexport.core.database import Tolerance, load
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.search import Found
 from mbexport.core.diagnosis.tolerated import with_tolerances
 from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics

@@ -16,7 +16,8 @@ from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.search import Search, search
+from mbexport.core.diagnosis.search import search
+from mbexport.core.diagnosis.state import Search
 from mbexport.core.importing import import_model
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import noise_of, read_runs

@@ -1,0 +1,120 @@
+"""What was found: effects at their places with their numbers, and what cannot be among them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+from ..effects import EffectRow, effect_named
+from .hypotheses import GIVING, TENSOR, clamped, place_of
+from .model import Rows, tables
+from .plain import LEAST_MASS, at_a_point
+from .problem import BODIES, Problem
+from .refine import free_columns
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """An effect that was found.
+
+    Attributes:
+        effect, at: What and where.
+        row: Its values.
+        gain: Log evidence that it adds to the others.
+        absent: Its row where it is as if it were not there; None where no row of finite numbers is that.
+    """
+
+    effect: str
+    at: int
+    row: EffectRow
+    gain: float
+    absent: EffectRow | None = None
+
+    @property
+    def place(self) -> str:
+        """joint_N, arm_N or robot."""
+        return place_of(self.effect, self.at)
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """Effect and number of its place."""
+        return (self.effect, self.at)
+
+
+def rows_of(found: Sequence[Found]) -> Rows:
+    """Findings as tables."""
+    return tables({item.key: item.row for item in found})
+
+
+def beside_or_more(found: Sequence[Found], picked: Sequence[Found]) -> list[Found]:
+    """Findings and picks; a pick of an effect that is there already has more of its numbers."""
+    more = {item.key: item for item in picked}
+    kept = [replace(item, row=more[item.key].row) if item.key in more else item for item in found]
+    there = {item.key for item in found}
+    return [*kept, *(item for item in picked if item.key not in there)]
+
+
+def numbers_in(found: Sequence[Found]) -> set[tuple[str, int, str]]:
+    """Effect, place and column of every number that is fitted."""
+    return {(*item.key, name) for item in found for name in free_columns(item.effect, item.row)}
+
+
+def without_bodies(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+    """Findings with which an arm is no body that can exist."""
+    heavy = [item for item in found if item.effect in BODIES]
+    if not heavy:
+        return set()
+    faults = problem.impossible(rows_of(found))
+    return {item.key for item in heavy if faults[item.at - 1]}
+
+
+def embodied(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
+    """Findings with moments of inertia for masses at points that are no bodies without them; None: no such."""
+
+    def thin(item: Found) -> bool:
+        values = item.row.values
+        return item.key in unreal and item.effect == "link_inertia" and not any(values[name] for name in TENSOR)
+
+    def whole(item: Found) -> Found:
+        least = LEAST_MASS * max(problem.database.inertias[item.at - 1].mass, 1e-3)
+        values = {**item.row.values, **at_a_point(item.row.values, least)}
+        return replace(item, row=EffectRow(item.at, values))
+
+    return [whole(item) if thin(item) else item for item in found] if any(map(thin, found)) else None
+
+
+def at_points(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
+    """Findings with masses that are no bodies put at points: moments that runs hardly show must not cost them.
+
+    None where there are no such moments.
+    """
+
+    def spread_out(item: Found) -> bool:
+        heavy = item.effect in BODIES
+        return item.key in unreal and heavy and any(item.row.values[name] for name in TENSOR)
+
+    def point(item: Found) -> Found:
+        return replace(item, row=EffectRow(item.at, {**item.row.values, **dict.fromkeys(TENSOR, 0.0)}))
+
+    return [point(item) if spread_out(item) else item for item in found] if any(map(spread_out, found)) else None
+
+
+def never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:
+    """Hysteresis that slips nowhere on the way that its joint goes: a spring says the same with less."""
+    loops = [item for item in found if item.effect == "hysteresis"]
+    if not loops:
+        return set()
+    way = problem.way()
+    numbers = {item.key: item.row.values for item in loops}
+    return {key for key, row in numbers.items() if row["torque"] > row["stiffness"] * float(way[key[1] - 1])}
+
+
+def gives_alone(problem: Problem, found: Sequence[Found], item: Found) -> bool:
+    """Whether nothing else gives before a clamped output, where another finding needs its motor to move."""
+    return item.effect in GIVING and item.at in stuck_joints(problem, [other for other in found if other is not item])
+
+
+def stuck_joints(problem: Problem, found: Sequence[Found]) -> set[int]:
+    """Joints with clamped outputs before which nothing gives, where a finding needs the motor to move."""
+    moving = {item.at for item in found if effect_named(item.effect).key == "joint" and clamped(problem, item.at)}
+    return moving - {item.at for item in found if item.effect in GIVING}
