@@ -15,7 +15,8 @@ from .beyond import SPRINGS, STIFFENING
 from .contender import Contender
 from .fit import blocks, gained, spread, takes_the_same
 from .found import Found, never_slipping, rows_of, without_bodies
-from .hypotheses import clamped, defaults, possible, twins_of
+from .hypotheses import possible, twins_of
+from .hypothesis import clamped, defaults
 from .other_laws import beyond_catalogue
 from .problem import Problem
 from .refine import Refined, refined

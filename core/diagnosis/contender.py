@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..errors import MbexportError
 from .fit import Linear, Part, edges_of, energy_of, gained, linear, spread
 from .found import Found
-from .hypotheses import STEP, Hypothesis
+from .hypothesis import STEP, Hypothesis
 from .model import Rows, merged
 from .problem import Problem
 

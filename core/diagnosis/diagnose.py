@@ -41,7 +41,7 @@ from .found import Found, rows_of
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .held import HELPS, NOT_EXCITED, UNREAL, Held, Judge
 from .how_far import name_of
-from .hypotheses import place_of
+from .hypothesis import place_of
 from .model import Rows, level_rows, merged, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor

@@ -19,7 +19,7 @@ from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogue, harmoni
 from .fit import Part, gained, spread
 from .forms import have_other_forms, law_along, other_forms
 from .found import Found, gives_alone
-from .hypotheses import defaults
+from .hypothesis import defaults
 from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening

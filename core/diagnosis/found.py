@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from ..effects import EffectRow, effect_named
-from .hypotheses import GIVING, TENSOR, clamped, place_of
+from .hypothesis import GIVING, TENSOR, clamped, place_of
 from .model import Rows, tables
 from .plain import LEAST_MASS, at_a_point
 from .problem import BODIES, Problem

@@ -26,7 +26,7 @@ from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave, torque_column
 from .found import Found, at_points, gives_alone, rows_of, without_bodies
 from .gap import SHOWS_IN_BAND, Gap, gap_of
 from .how_far import Fold, corrected, how_far, name_of
-from .hypotheses import GIVING
+from .hypothesis import GIVING
 from .model import robot_of
 from .noise import Noise, noise_floor
 from .nuisances import STAMPS_OF_TAU, Whitening, whitening

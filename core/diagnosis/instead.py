@@ -11,7 +11,8 @@ import numpy as np
 from .contender import THRESHOLD, found_of
 from .fit import Part, energy_of, gained, spread, takes_the_same
 from .found import beside_or_more, never_slipping, rows_of, stuck_joints, without_bodies
-from .hypotheses import Hypothesis, names_of_one
+from .hypotheses import names_of_one
+from .hypothesis import Hypothesis
 from .refine import free_columns, left_with, refined, removal
 from .state import CRUMB, Search, contenders, prune
 from .tried import ALIKE, SIMPLER

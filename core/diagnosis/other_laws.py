@@ -24,7 +24,7 @@ from .beyond import (
     number_of,
 )
 from .fit import Part, gained, spread
-from .hypotheses import clamped
+from .hypothesis import clamped
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem

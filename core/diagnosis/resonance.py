@@ -13,10 +13,12 @@ import numpy as np
 
 from ..errors import MbexportError
 from .beyond import STIFFENING
-from .hypotheses import Hypothesis, Scales, Values, clamped, defaults, possible
+from .hypotheses import possible
+from .hypothesis import Hypothesis, Values, clamped, defaults
 from .inverse import stretch_of
 from .model import Rows, merged
 from .problem import Problem
+from .scales import Scales
 
 # how far each gives under its plain load: an angle [rad] or a part of its arm's length, each so many times the last
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20

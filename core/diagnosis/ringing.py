@@ -13,7 +13,7 @@ from .beyond import SPRINGS
 from .contender import THRESHOLD, Contender
 from .fit import Part, energy_of, gained, spread
 from .found import Found, rows_of
-from .hypotheses import Hypothesis
+from .hypothesis import Hypothesis
 from .model import merged
 from .refine import Refined, left_with, refined
 from .resonance import clearances, springs, stiffening

@@ -16,7 +16,8 @@ import numpy as np
 from .contender import THRESHOLD, Contender, found_of, ranked
 from .fit import Part, blocks, gained, spread
 from .found import Found, at_points, beside_or_more, embodied, never_slipping, numbers_in, without_bodies
-from .hypotheses import GIVING, clamped, names_of_one, twins_of
+from .hypotheses import names_of_one, twins_of
+from .hypothesis import GIVING, clamped
 from .instead import MOST_SWAPPED, condense, swapped
 from .refine import refined
 from .ringing import one_spring, one_that_rings, rings_first, spring_instead

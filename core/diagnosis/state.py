@@ -15,11 +15,13 @@ from ..parallel import side_by_side
 from .contender import LOUD, THRESHOLD, Contender, Fitting, found_of, ranked, signature_of
 from .fit import Part, blocks, energy_of, gained, spread
 from .found import Found, gives_alone, numbers_in, rows_of
-from .hypotheses import Hypothesis, Scales, hypotheses, scales_of
+from .hypotheses import hypotheses
+from .hypothesis import Hypothesis
 from .model import Rows
 from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined, free_columns, refined, removal
+from .scales import Scales, scales_of
 
 Vector = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from mbexport.core.diagnosis.diagnose import diagnose
 from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.hypotheses import GIVING
+from mbexport.core.diagnosis.hypothesis import GIVING
 from mbexport.core.diagnosis.inverse import clamped_at, said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor

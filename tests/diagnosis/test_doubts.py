@@ -14,7 +14,7 @@ from mbexport.core.diagnosis.beyond import SECOND, SECOND_PHASE
 from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.hypotheses import defaults
+from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem

@@ -14,7 +14,7 @@ from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.held import MOST_LEFT, Judge
-from mbexport.core.diagnosis.hypotheses import defaults
+from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import as_harmonics, straightened
 from mbexport.core.diagnosis.problem import problem

@@ -7,8 +7,9 @@ import pytest
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis.contender import Contender
-from mbexport.core.diagnosis.hypotheses import hypotheses, scales_of
+from mbexport.core.diagnosis.hypotheses import hypotheses
 from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.scores import scores
 from mbexport.core.diagnosis.state import Search
 

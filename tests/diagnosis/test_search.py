@@ -23,11 +23,13 @@ from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.found import Found, rows_of, without_bodies
 from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Judge
-from mbexport.core.diagnosis.hypotheses import Hypothesis, _periodic, hypotheses, scales_of, twins_of
+from mbexport.core.diagnosis.hypotheses import hypotheses, twins_of
+from mbexport.core.diagnosis.hypothesis import Hypothesis
 from mbexport.core.diagnosis.instead import swapped
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.orders import _periodic
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import FAR, FARTHEST, problem
 from mbexport.core.diagnosis.refine import (
@@ -42,6 +44,7 @@ from mbexport.core.diagnosis.refine import (
 )
 from mbexport.core.diagnosis.resonance import NARROW, WIDE, clearances, springs
 from mbexport.core.diagnosis.ringing import one_that_rings
+from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.search import _likeliest, search
 from mbexport.core.diagnosis.state import Search, contenders, prune
 from mbexport.core.diagnosis.tried import ALIKE

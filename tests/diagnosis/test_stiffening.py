@@ -12,13 +12,14 @@ from mbexport.core.diagnosis.beyond import STIFFENING, places
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import STIFFENS_SAID
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.hypotheses import defaults, scales_of
+from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resonance import springs, stiffening
 from mbexport.core.diagnosis.ringing import RINGS, rings_first
+from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.state import Search
 from mbexport.core.effects import EffectRow
 from mbexport.core.expansion import expanded
