@@ -21,9 +21,8 @@ from .other_laws import beyond_catalogue
 from .problem import Problem
 from .refine import Refined, refined
 from .resonance import DAMPING, TURNING
-from .search import ALIKE_SHARE
 from .state import Search, contenders
-from .tried import ALIKE
+from .tried import ALIKE, ALIKE_SHARE
 
 Vector = NDArray[np.float64]
 

@@ -23,8 +23,8 @@ from .mimic import Model, Sizes
 from .model import merged
 from .nuisances import whitening
 from .problem import Problem
-from .search import ALIKE_SHARE
 from .sensed import noise_in
+from .tried import ALIKE_SHARE
 from .words import capitalised, cause_in_words
 
 Vector = NDArray[np.float64]

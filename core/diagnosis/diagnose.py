@@ -39,14 +39,18 @@ from .fit import blocks
 from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
 from .found import Found, rows_of
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
-from .held import HELPS, NOT_EXCITED, UNREAL, Held, Judge
+from .growing import without_growing
+from .held import HELPS, NOT_EXCITED, UNREAL, Held
 from .how_far import name_of
 from .hypothesis import place_of
+from .in_simulation import closed_in_simulation
+from .judge import Judge
 from .model import Rows, level_rows, merged, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, loudest_of, numerics, part_left, suspected
+from .other_form import contradicted, other_form
 from .other_laws import straightened
 from .polish import polished
 from .problem import Problem, problem
@@ -56,6 +60,7 @@ from .scores import scores
 from .search import search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .state import BEYOND_DOUBT, Search, part_open, prune
+from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, place_in_words, variable_in_words
@@ -259,7 +264,7 @@ class _Diagnosing:
             notes.append(PLAIN_ALONG)
         gap = numerical != "all" and (gap or drowned)
         unheld = [] if fitted.is_noise else _unheld(state.found, held)
-        form, against = judge.other_form(held), judge.contradicted(held)
+        form, against = other_form(judge, held), contradicted(judge, held)
         verdict = _verdict(held, gap or bool(unheld), form, against)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
         alone = left_open and self._nearly_alone(heard, heard_whiten, ways[0], rows_of(held.found))
@@ -345,7 +350,7 @@ class _Diagnosing:
             if again.by > held.by + HELPS and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
-        return state, judge, judge.without_growing(judge.closed_in_simulation(held, begun)) if looking else held
+        return state, judge, without_growing(judge, closed_in_simulation(judge, held, begun)) if looking else held
 
     def _heard(self, state: Search, judge: Judge) -> tuple[Search, Judge]:
         """The search gone on, and its judge, in units of the noise that the robot with what was found makes."""
@@ -379,11 +384,11 @@ class _Diagnosing:
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
         fit, names = self._names(state, held.found)
-        names, better = judge.told_apart(held.found, names)
+        names, better = told_apart(judge, held.found, names)
         if better is not None and (again := judge.held(better)).by > held.by - HELPS:
             held = replace(again, growing=held.growing, rings=held.rings)
             fit, names = self._names(state, held.found)
-            names, _ = judge.told_apart(held.found, names)
+            names, _ = told_apart(judge, held.found, names)
         return held, fit, names
 
     def _names(self, state: Search, found: Sequence[Found]) -> tuple[Refined | None, list[tuple[Alike, ...]]]:

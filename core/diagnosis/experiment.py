@@ -40,7 +40,7 @@ from .mimic import Model, Sizes, Weigh, as_it_is
 from .model import Rows, merged
 from .nuisances import whitening
 from .problem import Problem
-from .search import ALIKE_SHARE
+from .tried import ALIKE_SHARE
 
 Vector = NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -11,6 +12,9 @@ from .model import Rows, tables
 from .plain import LEAST_MASS, at_a_point
 from .problem import BODIES, Problem
 from .refine import free_columns
+
+# part of the hardness that a contact is taken to have (500 Hz) from which a spring beside it is but that (100 Hz)
+AS_HARD = 0.04
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,3 +122,15 @@ def stuck_joints(problem: Problem, found: Sequence[Found]) -> set[int]:
     """Joints with clamped outputs before which nothing gives, where a finding needs the motor to move."""
     moving = {item.at for item in found if effect_named(item.effect).key == "joint" and clamped(problem, item.at)}
     return moving - {item.at for item in found if item.effect in GIVING}
+
+
+def as_hard_as_a_contact(problem: Problem, found: Sequence[Found]) -> Found | None:
+    """A joint's spring beside play that is about as hard as the contact would be without it; None: no such."""
+    for item in found:
+        play = [one for one in found if one.key == ("backlash", item.at)]
+        if item.effect != "joint_compliance" or not play or math.isfinite(play[0].row.values["stiffness"]):
+            continue
+        contact = problem.robots(rows_of(play))[0].stages[item.at - 1].drive.spring
+        if contact and item.row.values["stiffness"] > AS_HARD * contact.stiffness:
+            return item
+    return None

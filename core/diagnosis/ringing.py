@@ -22,8 +22,8 @@ from .tried import best_tried
 
 Vector = NDArray[np.float64]
 
-# part of it that a straight spring must take alone, or stiffening ones are tried; and where no other cause takes so
-# much either, they are the first to be. And where none takes as little as this, nothing rings
+# part of the gap's energy that a straight spring must take alone, or stiffening ones are tried; and where no other
+# cause takes so much either, they are the first to be. And where none takes as little as this, nothing rings
 RINGS, HINTS = 0.3, 0.0025
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1

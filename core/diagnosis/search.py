@@ -26,8 +26,6 @@ from .tried import ALIKE, SAME_ENERGY, SIMPLER, best_tried
 
 # findings beside those that a robot with friction and an unknown rotor inertia in every joint has
 MORE_THAN_USUAL = 6
-# what a name may leave more than the best one, as part of the gap's energy, and still not be told apart
-ALIKE_SHARE = 0.01
 # what is not linear is looked at closely where it explains this part of what the best does
 CLOSE = 0.6
 # picks that may come to nothing once all their numbers are free

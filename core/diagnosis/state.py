@@ -25,7 +25,7 @@ from .scales import Scales, scales_of
 
 Vector = NDArray[np.float64]
 
-# part of the gap's energy that is no more than a law's other form leaves
+# part of the gap's energy that is next to nothing of it
 CRUMB = 0.05
 # effects with so many numbers that they may be found with some of them and need the others later
 PARTIAL = ("kinematic_error", "link_inertia", "payload")

@@ -18,6 +18,8 @@ from .state import Search
 
 # others are names of the same finding where their evidence is so near
 ALIKE = 5.0
+# what a name may leave more than the best one, as part of the gap's energy, and still not be told apart
+ALIKE_SHARE = 0.01
 # names that are fitted with all their numbers free before one is chosen
 MOST_TRIED = 5
 # names that explain the gap alike but for this part of its energy are told apart by likelihood

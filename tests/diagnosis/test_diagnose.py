@@ -17,8 +17,12 @@ from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
-from mbexport.core.diagnosis.held import NOT_EXCITED, Held, Judge, _idle
+from mbexport.core.diagnosis.growing import without_growing
+from mbexport.core.diagnosis.held import NOT_EXCITED, Held
+from mbexport.core.diagnosis.in_simulation import _closing, closed_in_simulation
+from mbexport.core.diagnosis.judge import Judge, _idle
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.other_form import contradicted
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.state import Search, contenders
@@ -384,7 +388,7 @@ def held_alone(effect, against, delay):
 def test_what_the_measured_motion_hardly_shows_is_found_in_simulation(against, delay, names):
     """A drive's delay closes the gap beside friction; what is in no catalogue is closed by nothing."""
     judge, state, held = held_alone(names[0], against, delay)
-    closed = judge.closed_in_simulation(held, state)
+    closed = closed_in_simulation(judge, held, state)
     assert [item.effect for item in closed.found] == names
     if delay:
         assert closed.adequate
@@ -407,23 +411,23 @@ def test_a_drive_that_rings_is_found_in_simulation_where_the_measured_motion_sho
     state.begin()
     # which sizes the candidates
     contenders(state, blocks(state.problem.evidence))
-    held = judge.closed_in_simulation(judge.held([]), state)
+    held = closed_in_simulation(judge, judge.held([]), state)
     assert [item.key for item in held.found] == [("joint_compliance", 1)]
     assert held.adequate
     assert held.unseen.rows[0][0].values["stiffness"] == pytest.approx(stiffness, rel=0.05)
-    assert judge.contradicted(held) is None
+    assert contradicted(judge, held) is None
     # stiffer than it is it rings elsewhere, and leaves most of what the motion shows
     (item,) = held.found
     row = EffectRow(1, FrozenMap({**item.row.values, "stiffness": 1.5 * stiffness}))
     stiffer = replace(held, found=(replace(item, row=row),))
-    assert judge.contradicted(stiffer) is None
-    assert judge.contradicted(replace(stiffer, rings=False)) is not None
+    assert contradicted(judge, stiffer) is None
+    assert contradicted(judge, replace(stiffer, rings=False)) is not None
 
 
 def test_what_closes_a_gap_with_numbers_that_may_be_anything_is_not_found(monkeypatch):
     judge, state, held = held_alone("coulomb_friction", lambda t, q, dq: 0.03 * math.tanh(1000.0 * dq), 6)
-    monkeypatch.setattr("mbexport.core.diagnosis.held.vanished", lambda *_: True)
-    assert judge.closed_in_simulation(held, state).found == held.found
+    monkeypatch.setattr("mbexport.core.diagnosis.in_simulation.vanished", lambda *_: True)
+    assert closed_in_simulation(judge, held, state).found == held.found
 
 
 @pytest.mark.parametrize(("energy", "found"), [(12.0, False), (120.0, True)])
@@ -434,8 +438,8 @@ def test_what_closes_a_gap_that_is_next_to_none_is_not_found(monkeypatch, energy
         options = arguments[4]
         return energy, [0.1 * energy] * len(options)
 
-    monkeypatch.setattr("mbexport.core.diagnosis.held.closing", nearly_all)
-    assert bool(judge._closing(held, state)) == found
+    monkeypatch.setattr("mbexport.core.diagnosis.in_simulation.closing", nearly_all)
+    assert bool(_closing(judge, held, state)) == found
 
 
 RUBS = {
@@ -480,7 +484,7 @@ def test_what_grows_faster_than_with_speed_is_no_friction(monkeypatch, coulomb, 
     far = HowFar({}, {}, {}, 0.9, (0.8, 1.0), {})
     held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
     monkeypatch.setattr(Judge, "held", lambda _, kept: replace(held, found=tuple(kept)))
-    rest = judge.without_growing(held)
+    rest = without_growing(judge, held)
     assert rest.growing == growing
     if growing:
         assert [item.effect for item in rest.found] == ["viscous_friction"]
@@ -510,14 +514,14 @@ def test_a_drag_is_no_less_coulomb_and_more_viscous_friction(monkeypatch, agains
     far = HowFar({}, {}, {}, 0.9, (0.8, 1.0), {})
     held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
     monkeypatch.setattr(Judge, "held", lambda _, kept: replace(held, found=tuple(kept)))
-    rest = judge.without_growing(held)
+    rest = without_growing(judge, held)
     assert rest.growing == growing
     assert [item.effect for item in rest.found] == ["coulomb_friction", "viscous_friction"][growing:]
     assert [(item.effect, item.at) for item in rest.dropped] == [("coulomb_friction", "joint_1")][:growing]
 
 
 @pytest.mark.parametrize(("short", "name"), [(0.008, "joint_compliance"), (0.02, "joint_compliance_6d")])
-def test_a_likelier_name_may_close_a_hundredth_less(short, name):
+def test_a_likelier_name_may_close_a_hundredth_less(short, name, monkeypatch):
     """No finding needs to close more than that to be one."""
     bearing, drive = (
         Found(effect, 1, EffectRow(1, {}), 50.0) for effect in ("joint_compliance_6d", "joint_compliance")
@@ -526,10 +530,9 @@ def test_a_likelier_name_may_close_a_hundredth_less(short, name):
         item.effect: Held((item,), SimpleNamespace(), (), set(), HowFar({}, {}, {}, by, (0.0, 1.0), {}), (), None)
         for item, by in ((bearing, 0.8), (drive, 0.8 - short))
     }
-    judge = SimpleNamespace(
-        told_apart=lambda found, names: (names, (drive,) if found == (bearing,) else None),
-        held=lambda found: held[found[0].effect],
-    )
+    judge = SimpleNamespace(held=lambda found: held[found[0].effect])
+    better = {(bearing,): (drive,), (drive,): None}
+    monkeypatch.setattr(diagnose, "told_apart", lambda judge, found, names: (names, better[found]))
     diagnosing = SimpleNamespace(_names=lambda state, found: (None, [()]))
     kept, _, _ = diagnose._Diagnosing._named(diagnosing, None, judge, held["joint_compliance_6d"])
     assert [item.effect for item in kept.found] == [name]
@@ -548,7 +551,7 @@ def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_
     worse = far(-0.2, {"encoder_offset joint_1": 0.0}, (-0.3, -0.1))
     seen = replace(nothing.unseen, gains=(500.0,), rows=((offset.row,),))
     monkeypatch.setattr(Judge, "_tame", lambda _, items: (list(items), seen if items else nothing.unseen, ()))
-    monkeypatch.setattr(Judge, "_numbers", lambda *_, **__: ())
+    monkeypatch.setattr(Judge, "numbers", lambda *_, **__: ())
     answers = {True: (worse, (), None), False: (nothing.how_far, (), None)}
     monkeypatch.setattr(Judge, "_how_far", lambda _, items, *__: answers[bool(items)])
     held = judge.held([offset])

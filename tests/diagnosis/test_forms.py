@@ -12,10 +12,12 @@ from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
-from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.held import MOST_LEFT, Judge
+from mbexport.core.diagnosis.found import Found, as_hard_as_a_contact
+from mbexport.core.diagnosis.held import MOST_LEFT
 from mbexport.core.diagnosis.hypothesis import defaults
+from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.other_form import contradicted, other_form
 from mbexport.core.diagnosis.other_laws import as_harmonics, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
@@ -32,7 +34,7 @@ LIMITED = Found("torque_limit", 1, EffectRow(1, {"torque": 5.6}), 50.0)
 DAMPS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
 
 
-def other_form(against, item, mode="motion"):
+def said_of(against, item, mode="motion"):
     """What other forms of one finding's law say of pendulums on which another torque acts."""
     judge = judge_of(against, mode)
     return bent(judge.whole, judge.whiten, [item], judge.ways, rows_of(judge, item))
@@ -58,7 +60,7 @@ def ripple(times):
 
 @pytest.mark.parametrize(("times", "its_own"), [(2.0, True), (1.45, False)])
 def test_a_wave_that_comes_twice_as_often_as_well_is_one_cause(times, its_own):
-    form = other_form(ripple(times), WAVE)
+    form = said_of(ripple(times), WAVE)
     assert form.said == TWICE_SAID
     assert (form.leaves < 0.05) if its_own else (form.leaves > 0.75)
 
@@ -82,7 +84,7 @@ def gear(first, second):
 def test_a_gears_error_may_be_the_harmonic_of_one_that_comes_half_as_often(first, known):
     """Up to four times as large as it."""
     row = EffectRow(1, {"amplitude": 1.5e-4, "cycles": 40.0, "phase": 1.1})
-    form = other_form(gear(first, 1.5e-4), Found("transmission_error", 1, row, 100.0))
+    form = said_of(gear(first, 1.5e-4), Found("transmission_error", 1, row, 100.0))
     assert (form.said, form.leaves < 0.1) == (HALF_SAID, known)
 
 
@@ -98,7 +100,7 @@ def test_a_waves_cycles_may_be_a_little_off_where_it_comes_twice_as_often_as_wel
     [(lambda dq: dq / (1.0 + 0.15 * abs(dq)), True), (lambda dq: dq * (1.0 + 0.3 * abs(dq)), False)],
 )
 def test_a_damper_yields_and_what_grows_with_the_square_of_speed_is_none(bend, its_own):
-    form = other_form(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
+    form = said_of(lambda t, q, dq: 0.5 * bend(dq), DAMPS)
     assert (form.leaves < 0.3) if its_own else (form.leaves > 0.8)
 
 
@@ -151,18 +153,18 @@ def rounded(asked, top=5.6, corner=0.56):
 @pytest.mark.parametrize(("beside", "its_own"), [(0.0, True), (0.05, False)])
 def test_a_limit_that_is_felt_before_it_is_reached_is_one_cause(beside, its_own):
     limits = lacks(rounded)
-    form = other_form(lambda t, q, dq: limits(t, q, dq) + beside * math.sin(3.0 * q), LIMITED, "pd")
+    form = said_of(lambda t, q, dq: limits(t, q, dq) + beside * math.sin(3.0 * q), LIMITED, "pd")
     assert form.said == SOFTLY_SAID
     assert (form.leaves < 0.2) if its_own else (form.leaves > 0.5)
 
 
 def test_where_nothing_asks_for_a_torque_a_limit_has_no_other_form():
-    assert other_form(lambda t, q, dq: 0.1 * dq, LIMITED) is None
+    assert said_of(lambda t, q, dq: 0.1 * dq, LIMITED) is None
 
 
 def test_what_has_no_other_form_says_nothing():
     offset = Found("torque_offset", 1, EffectRow(1, {"torque": 0.2}), 50.0)
-    assert other_form(lambda t, q, dq: 0.2 + 0.1 * np.sin(3.0 * t), offset) is None
+    assert said_of(lambda t, q, dq: 0.2 + 0.1 * np.sin(3.0 * t), offset) is None
 
 
 def test_a_run_that_stands_has_the_same_forms_of_nothing():
@@ -187,7 +189,7 @@ def told_of(against, item):
 
     def said(share, adequate=False):
         held = SimpleNamespace(found=(item,), open=share, growing=0, adequate=adequate, explains=False, unseen=unseen)
-        return judge.other_form(held)
+        return other_form(judge, held)
 
     return said
 
@@ -219,7 +221,7 @@ def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
     unseen = SimpleNamespace(beyond=1.0)
     held = SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen, rings=False)
-    return judge.contradicted(held)
+    return contradicted(judge, held)
 
 
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
@@ -233,7 +235,7 @@ def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_s
     # a gap that is open in simulation is told so
     assert speaks_against(lambda t, q, dq: 0.3 * dq * abs(dq), rubs, adequate=False) is None
     # nor does what a found law leaves that has another form
-    monkeypatch.setattr("mbexport.core.diagnosis.held.CONTRADICTS", 0.05)
+    monkeypatch.setattr("mbexport.core.diagnosis.other_form.CONTRADICTS", 0.05)
     assert speaks_against(ripple(1.45), WAVE).share > 0.1
     assert speaks_against(ripple(2.0), WAVE) is None
 
@@ -292,7 +294,7 @@ def test_a_spring_as_hard_as_the_contact_of_its_play_is_no_second_cause(part, it
     (robot, _) = judge.whole.robots({"backlash": (play.row,)})
     stiffness = part * robot.stages[0].drive.spring.stiffness
     spring = Found("joint_compliance", 1, EffectRow(1, {"stiffness": stiffness, "damping": 0.0}), 50.0)
-    assert judge._as_hard_as_a_contact([spring, play]) is (spring if its_own else None)
-    assert judge._as_hard_as_a_contact([spring]) is None
+    assert as_hard_as_a_contact(judge.whole, [spring, play]) is (spring if its_own else None)
+    assert as_hard_as_a_contact(judge.whole, [spring]) is None
     known = replace(play, row=EffectRow(1, play.row.values | {"stiffness": 1e4}))
-    assert judge._as_hard_as_a_contact([spring, known]) is None
+    assert as_hard_as_a_contact(judge.whole, [spring, known]) is None

@@ -11,8 +11,8 @@ from mbexport.core.build import assembled, build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
-from mbexport.core.diagnosis import held as holding
 from mbexport.core.diagnosis import instead, inverse, refine
+from mbexport.core.diagnosis import judge as judging
 from mbexport.core.diagnosis import ringing as by_ringing
 from mbexport.core.diagnosis import tried as all_free
 from mbexport.core.diagnosis.alike import ABOUT, BESIDE, Alike, _springs_instead, alike
@@ -22,10 +22,11 @@ from mbexport.core.diagnosis.diagnosis import Rejected
 from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, spread
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.found import Found, rows_of, without_bodies
-from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Judge
+from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD
 from mbexport.core.diagnosis.hypotheses import hypotheses, twins_of
 from mbexport.core.diagnosis.hypothesis import Hypothesis
 from mbexport.core.diagnosis.instead import swapped
+from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.mimic import Model, Sizes, as_it_is
 from mbexport.core.diagnosis.model import merged
 from mbexport.core.diagnosis.nuisances import whitening
@@ -47,6 +48,7 @@ from mbexport.core.diagnosis.ringing import one_that_rings
 from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.search import _likeliest, search
 from mbexport.core.diagnosis.state import Search, contenders, prune
+from mbexport.core.diagnosis.told_apart import told_apart
 from mbexport.core.diagnosis.tried import ALIKE
 from mbexport.core.diagnosis.unseen import EARNS, Short, Split, Unseen, judged, splits
 from mbexport.core.effects import EffectRow, effect_named
@@ -807,7 +809,7 @@ def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monk
         arm = Found("link_inertia", 1, EffectRow(1, none | {"mass": mass, "mx": -0.2 * mass}), 50.0)
         hung = dict.fromkeys(("x", "y", "z", *COLUMNS[4:]), 0.0) | {"mass": 0.1, "x": -0.2}
         twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
-        _, better = judge.told_apart([arm], [(twin,)])
+        _, better = told_apart(judge, [arm], [(twin,)])
         assert [item.effect for item in better or [arm]] == [name]
 
 
@@ -822,10 +824,10 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
         (SHORTEST_PART, 30.0, "link_flexibility"),
     ):
         short = (Short(0.0, 0.0), Short(nats, 0.05))
-        monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_, short=short: short)
+        monkeypatch.setattr("mbexport.core.diagnosis.told_apart.fall_short", lambda *_, short=short: short)
         bend = {"ku": 800.0, "kv": 900.0, "bu": 0.5, "bv": 0.5, "at": at}
         arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
-        _, better = judge.told_apart([arm], [(Alike(bearing, 0.0, 0.0),)])
+        _, better = told_apart(judge, [arm], [(Alike(bearing, 0.0, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
 
 
@@ -840,11 +842,13 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
 def test_what_gives_one_way_alone_is_a_drive_before_it_is_a_bearing(monkeypatch, ways, nats, name):
     asked = question()
     judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
-    monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05)))
+    monkeypatch.setattr(
+        "mbexport.core.diagnosis.told_apart.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05))
+    )
     rigid = {column.name: column.default for column in effect_named("joint_compliance_6d").columns}
     bearing = Found("joint_compliance_6d", 1, EffectRow(1, {**rigid, **dict.fromkeys(ways, 800.0)}), 50.0)
     drive = Found("joint_compliance", 1, EffectRow(1, {"stiffness": 800.0, "damping": 0.5}), 50.0)
-    _, better = judge.told_apart([bearing], [(Alike(drive, 0.0, 0.0),)])
+    _, better = told_apart(judge, [bearing], [(Alike(drive, 0.0, 0.0),)])
     assert [item.effect for item in better or [bearing]] == [name]
 
 
@@ -853,11 +857,13 @@ def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch,
     """Where runs that no fit saw tell them apart it is what they say."""
     asked = question()
     judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
-    monkeypatch.setattr("mbexport.core.diagnosis.held.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05)))
+    monkeypatch.setattr(
+        "mbexport.core.diagnosis.told_apart.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05))
+    )
     none = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0)
     arm = Found("kinematic_error", 1, EffectRow(1, none | {"theta": 0.01}), 50.0)
     encoder = Found("encoder_offset", 1, EffectRow(1, {"offset": 0.01}), 50.0)
-    _, better = judge.told_apart([arm], [(Alike(encoder, 0.0, 0.0),)])
+    _, better = told_apart(judge, [arm], [(Alike(encoder, 0.0, 0.0),)])
     assert [item.effect for item in better or [arm]] == [name]
 
 
@@ -893,9 +899,9 @@ def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
 
     monkeypatch.setattr(Judge, "_kept", kept)
     monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)
-    monkeypatch.setattr(Judge, "_numbers", lambda *_, **__: ())
+    monkeypatch.setattr(Judge, "numbers", lambda *_, **__: ())
     monkeypatch.setattr(Judge, "_how_far", how_far)
-    monkeypatch.setattr("mbexport.core.diagnosis.held._idle", lambda found, *_: rubs if rubs in found else None)
+    monkeypatch.setattr("mbexport.core.diagnosis.judge._idle", lambda found, *_: rubs if rubs in found else None)
     answer = judge.held([late, rubs])
     assert answer.found == ()
     assert [(item.effect, item.why) for item in answer.dropped] == [("viscous_friction", GONE), ("delay", WILD)]
@@ -911,7 +917,7 @@ def test_a_robot_that_cannot_be_mimics_nothing():
 
 def test_moments_that_no_body_has_do_not_cost_the_mass(monkeypatch):
     monkeypatch.setattr(
-        "mbexport.core.diagnosis.held.without_bodies", lambda _, found: {f.key for f in found if f.row.values["Ixx"]}
+        "mbexport.core.diagnosis.judge.without_bodies", lambda _, found: {f.key for f in found if f.row.values["Ixx"]}
     )
     runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.5 * math.sin(q)) for seed in (1, 2)]
     asked = problem(load("pendulum"), "rigid", runs)
@@ -1068,7 +1074,7 @@ def test_a_crumb_of_the_held_out_runs_that_the_others_show_is_none(monkeypatch, 
         few = slice(len(found))
         return Unseen(gains[few], (60.0, 7.0)[few], shares[few], (1.0, 1.0)[few], rows, open=0.0)
 
-    monkeypatch.setattr(holding, "judged", worth)
+    monkeypatch.setattr(judging, "judged", worth)
     found, unseen, dropped = judge._kept(both)
     assert [item.effect for item in found] == kept
     if len(kept) == 2:

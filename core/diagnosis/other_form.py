@@ -1,0 +1,54 @@
+"""What is left as another form of a finding's law, or against what simulation says."""
+
+from __future__ import annotations
+
+from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave
+from .gap import SHOWS_IN_BAND
+from .held import LITTLE, MOST_LEFT, Held
+from .judge import Judge
+from .unseen import OTHER_FORM, Along, Bent, along, bent
+
+# part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
+# well may leave more, as inertia takes it by the square of how often it comes
+MOST_BENT = 0.25
+# part of the gap along the measured motion that contradicts findings by which simulation has none
+CONTRADICTS = 0.3
+
+
+def other_form(judge: Judge, held: Held) -> Bent | None:
+    """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap.
+
+    Or little of it, of a law beyond the catalogue's.
+    """
+    if not held.found or held.explains:
+        return None
+    bends, beyond = held.unseen.beyond, None
+    if bends < MOST_LEFT and held.open * bends < LITTLE:
+        place = next(k for k, number in enumerate(held.unseen.numbers_beyond) if number)
+        beyond = Bent(bends, place, BEYOND_SAID[held.found[place].effect])
+        if held.open * bends < OTHER_FORM:
+            return beyond
+    if held.adequate:
+        return None
+    much = held.open > MOST_BENT
+    if much and not any(is_wave(item) for item in held.found):
+        return beyond
+    form = bent(judge.whole, judge.whiten, held.found, judge.ways, held.unseen.rows)
+    if form is None or (much and form.said not in (TWICE_SAID, HALF_SAID)):
+        return beyond
+    return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else beyond
+
+
+def contradicted(judge: Judge, held: Held) -> Along | None:
+    """What the measured motion has left of a gap that simulation takes for closed; None where that is little.
+
+    A loop makes little of a torque that it holds against: what is near the cause closes its gap as well.
+    """
+    if not held.found or not held.adequate or judge.by_bands or held.rings:
+        return None
+    left = along(judge.whole, judge.whiten, held.found, judge.ways)
+    if left.share * held.unseen.beyond < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
+        return None
+    rows = [[item.row for item in held.found] for _ in judge.ways]
+    form = bent(judge.whole, judge.whiten, held.found, judge.ways, rows)
+    return None if form and form.leaves < MOST_LEFT else left

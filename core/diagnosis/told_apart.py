@@ -1,0 +1,61 @@
+"""Which of a finding's names hold on runs that no fit saw, and which holds best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from .alike import Alike
+from .beyond import SPRINGS as STIFFNESSES
+from .contender import THRESHOLD
+from .found import Found
+from .judge import Judge
+from .refine import BEARING, SHORTEST_PART
+from .tried import ALIKE, ALIKE_SHARE
+from .unseen import fall_short
+
+# part of an arm's length up to which it bends as good as at its joint: where a fit's lower bound is
+AT_JOINT = 1.1 * SHORTEST_PART
+# the ways in which a bearing may give
+WAYS = STIFFNESSES[BEARING]
+
+
+def told_apart(
+    judge: Judge, found: Sequence[Found], names: Sequence[tuple[Alike, ...]]
+) -> tuple[list[tuple[Alike, ...]], tuple[Found, ...] | None]:
+    """Names that hold on runs that no fit saw, and the findings by those that hold best, where that are others."""
+    kept: list[tuple[Alike, ...]] = []
+    best = list(found)
+    for k, (item, others) in enumerate(zip(found, names, strict=True)):
+        if not others:
+            kept.append(others)
+            continue
+        judge.tell(f"which name of {item.effect} at {item.place} holds on runs that no fit saw")
+        options = (item, *(one.found for one in others))
+        short = fall_short(
+            judge.whole, judge.whiten, [[*found[:k], one, *found[k + 1 :]] for one in options], judge.ways
+        )
+        if short[0].nats > ALIKE and short[0].share > ALIKE_SHARE:
+            best[k] = min(zip(options, short, strict=True), key=lambda pair: pair[1].nats)[0]
+        if best[k].effect != "payload":
+            # of two names of one body the load's: more hangs at a hand than is wrong with its arm
+            loads = [one.found for one in others if one.one_body and one.found.effect == "payload"]
+            far = {id(one): less.nats for one, less in zip(options, short, strict=True)}
+            best[k] = next((load for load in loads if far[id(load)] - far[id(best[k])] < ALIKE), best[k])
+        alike = tuple(
+            one
+            for one, less in zip(others, short[1:], strict=True)
+            if one.one_body or less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
+        )
+        if best[k].effect == "kinematic_error":
+            # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
+            best[k] = next((one.found for one in alike if one.found.effect == "encoder_offset"), best[k])
+        if best[k].effect == "link_flexibility" and best[k].row.values["at"] <= AT_JOINT:
+            # an arm that bends where its joint is has a bearing that gives
+            best[k] = next((one.found for one in alike if one.found.key == (BEARING, best[k].at)), best[k])
+        if best[k].effect == BEARING and sum(math.isfinite(best[k].row.values[way]) for way in WAYS) == 1:
+            # a bearing gives to all sides about as much, a drive to one
+            best[k] = next((one.found for one in alike if one.found.effect == "joint_compliance"), best[k])
+        kept.append(alike)
+    changed = any(one is not other for one, other in zip(best, found, strict=True))
+    return kept, tuple(best) if changed else None
