@@ -42,7 +42,6 @@ from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .growing import without_growing
 from .held import HELPS, NOT_EXCITED, UNREAL, Held
 from .how_far import name_of
-from .hypothesis import place_of
 from .in_simulation import closed_in_simulation
 from .judge import Judge
 from .model import Rows, level_rows, merged, robot_of
@@ -52,6 +51,7 @@ from .nuisances import Whitening, whitening
 from .numerics import NUMERICAL, Suspect, loudest_of, numerics, part_left, suspected
 from .other_form import contradicted, other_form
 from .other_laws import straightened
+from .placed import place_of
 from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined

@@ -7,8 +7,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from ..effects import EffectRow, effect_named
-from .hypothesis import GIVING, TENSOR, clamped, place_of
+from .hypothesis import GIVING, TENSOR, clamped
 from .model import Rows, tables
+from .placed import Placed
 from .plain import LEAST_MASS, at_a_point
 from .problem import BODIES, Problem
 from .refine import free_columns
@@ -18,7 +19,7 @@ AS_HARD = 0.04
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class Found(Placed):
     """An effect that was found.
 
     Attributes:
@@ -28,21 +29,9 @@ class Found:
         absent: Its row where it is as if it were not there; None where no row of finite numbers is that.
     """
 
-    effect: str
-    at: int
     row: EffectRow
     gain: float
     absent: EffectRow | None = None
-
-    @property
-    def place(self) -> str:
-        """joint_N, arm_N or robot."""
-        return place_of(self.effect, self.at)
-
-    @property
-    def key(self) -> tuple[str, int]:
-        """Effect and number of its place."""
-        return (self.effect, self.at)
 
 
 def rows_of(found: Sequence[Found]) -> Rows:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
 from .model import Rows
+from .placed import Placed
 from .problem import Problem
 
 Vector = NDArray[np.float64]
@@ -23,12 +24,11 @@ GIVING = ("backlash", "joint_compliance", "joint_compliance_6d")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Hypothesis:
+class Hypothesis(Placed):
     """One effect at one place in one form.
 
     Attributes:
-        effect: Its name.
-        at: Number of joint or arm, from 1; 0 for the robot.
+        effect, at: What and where.
         form: Which of its forms, "" where there is one.
         values: beta -> the row's values; None where these are impossible.
         scale: What would be a plain amount of each number of beta; the spread of their prior.
@@ -38,8 +38,6 @@ class Hypothesis:
         carried: Its other numbers say nothing without the first, as a first moment without a mass.
     """
 
-    effect: str
-    at: int
     form: str
     values: Callable[[Vector], Values | None]
     scale: Vector
@@ -48,26 +46,10 @@ class Hypothesis:
     curved: bool = False
     carried: bool = False
 
-    @property
-    def place(self) -> str:
-        """joint_N, arm_N or robot."""
-        return place_of(self.effect, self.at)
-
-    @property
-    def key(self) -> tuple[str, int]:
-        """What it is called in a verdict."""
-        return (self.effect, self.at)
-
     def rows(self, beta: Vector) -> Rows | None:
         """Its row as a table; None where these values are impossible."""
         values = self.values(beta)
         return None if values is None else {self.effect: (EffectRow(self.at, values),)}
-
-
-def place_of(effect: str, at: int) -> str:
-    """joint_N, arm_N or robot."""
-    key = effect_named(effect).key
-    return "robot" if key == "robot" else f"{key}_{at}"
 
 
 def defaults(name: str) -> Values:

@@ -9,7 +9,7 @@ import numpy as np
 from .contender import LOUD
 from .diagnosis import Score
 from .fit import linear
-from .hypothesis import place_of
+from .placed import place_of
 from .state import Search
 
 
