@@ -34,6 +34,8 @@ _FAR_ABOVE = 4.0
 _A_LITTLE = 1.25
 # of white noise beside slow noise, tried
 _WHITE_SHARES = np.array([0.0, 0.03, 0.1, 0.25, 0.5, 0.75])
+# parts of what steps would make of noise that crosses many of them
+_WHITES = np.array([1.0, 0.5, 0.25, 0.1])
 # of the lowest frequency looked at: what turns below half of it cannot be told from what never turns
 _LOWEST_CORNER = 0.25
 # terms of the autoregression that stands for slow noise beside white
@@ -42,6 +44,8 @@ _LONG = 24
 _OTHER_COLOUR = 6.0
 # coefficients of an autoregression that add up to more are slow noise's
 _SLOW = 0.2
+# how many times the variance of the white noise that is seen one is that is known, from which the rest of it is slow
+_UNSEEN = 2.0
 # a variance that is known says something where it is so much more than quantisation's
 _MORE = 1.05
 # sizes of slow noise beside white that are tried, times the level
@@ -194,15 +198,18 @@ def coloured(channels: Sequence[Heard], variances: Sequence[float], beside: Sequ
             alone[k] = _of_slope(fit[k], slope)
     # what a size can tell is how slow noise is, white noise it would only make a little slow; and of a longer memory
     # whether one sample's does as well
-    slow = (k for k in range(len(channels)) if abs(alone[k].ar.sum()) > _SLOW)
+    unseen = {k for k, size in enumerate(variances) if size > _UNSEEN * alone[k].variance}
+    slow = (k for k in range(len(channels)) if k in unseen or abs(alone[k].ar.sum()) > _SLOW)
     there = {k: upper for k in slow if (upper := channels[k].upper) is not None}
     known = {k: variances[k] for k, one in there.items() if variances[k] > _MORE * one.white}
     curves = {k: _curve_of_known(there[k], variance, alone[k]) for k, variance in known.items()}
     curves = {k: curve for k, curve in curves.items() if curve.min() < _DISAGREES}
     for k, curve in curves.items():
         alone[k] = _of_known(there[k], known[k], _lowest_between(curve, int(np.argmin(curve))))
+    # of what high frequencies show next to nothing of, other channels know how slow it is
+    untold = sorted((unseen & known.keys()) - curves.keys()) if curves else []
     slope = _shared(curves)
-    for k in curves:
+    for k in (*curves, *untold):
         alone[k] = _of_known(there[k], known[k], slope)
     return alone
 
@@ -248,13 +255,30 @@ def _curve(one: _Upper) -> Vector:
 
 def _curve_of_known(one: _Upper, variance: float, free: Coloured) -> Vector:
     """-2 log likelihood of every slope under a variance that is known, less that of a model free of it, shape (k,)."""
-    slow = (variance - one.white) / np.array([_spectrum(np.array([slope])).mean() for slope in _SLOPES])
-    models = slow[:, None] * one.tools.variances[:, one.cut :] + one.white
-    seen = np.array([_middle(energy, size) for energy, size in zip(one.energy.T, one.sizes, strict=True)])
-    costs = [
-        len(one.energy) * float((np.log(model) + seen / model) @ one.sizes) for model in (*models, _bands_of(one, free))
-    ]
-    return np.array(costs[:-1]) - costs[-1]
+    seen = _seen(one)
+    shapes = one.tools.variances[:, one.cut :]
+    costs = [_of_whites(one, seen, variance, slope, shape)[0] for slope, shape in zip(_SLOPES, shapes, strict=True)]
+    return np.array(costs) - _cost_of(one, seen, _bands_of(one, free))
+
+
+def _seen(one: _Upper) -> Vector:
+    """Variances of the bands in most stretches, shape (b,)."""
+    return np.array([_middle(energy, size) for energy, size in zip(one.energy.T, one.sizes, strict=True)])
+
+
+def _cost_of(one: _Upper, seen: Vector, model: Vector) -> float:
+    """-2 log likelihood of what is seen of the bands under their variances (b,)."""
+    return len(one.energy) * float((np.log(model) + seen / model) @ one.sizes)
+
+
+def _of_whites(one: _Upper, seen: Vector, variance: float, slope: float, shape: Vector) -> tuple[float, float]:
+    """-2 log likelihood of a slope whose noise's whole variance is known, and how much of that is white.
+
+    Steps as coarse as slow noise are rarely crossed: what they make is as slow as it is, and hardly white.
+    """
+    size = float(_spectrum(np.array([slope])).mean())
+    tried = ((_cost_of(one, seen, (variance - w) / size * shape + w), w) for w in (_WHITES * one.white).tolist())
+    return min(tried)
 
 
 def _bands_of(one: _Upper, noise: Coloured) -> Vector:
@@ -266,7 +290,9 @@ def _bands_of(one: _Upper, noise: Coloured) -> Vector:
 def _of_known(one: _Upper, variance: float, slope: float) -> Coloured:
     """Noise of order 1 with a slope and a whole variance that are known."""
     ar = np.array([slope])
-    return _whole(ar, (variance - one.white) / float(_spectrum(ar).mean()), one.white)
+    spectrum = _spectrum(ar)
+    white = _of_whites(one, _seen(one), variance, slope, one.power @ spectrum)[1]
+    return _whole(ar, (variance - white) / float(spectrum.mean()), white)
 
 
 def _lowest_between(curve: Vector, best: int) -> float:

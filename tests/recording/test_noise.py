@@ -217,6 +217,23 @@ def test_a_known_size_tells_the_colour(motion, step):
             assert [at_five_hertz(found, k) for k in range(2)] == pytest.approx([sigma**2 * true] * 2, rel=0.2)
 
 
+@pytest.mark.parametrize("size", [0.0, 3.0, 30.0])
+def test_steps_that_slow_noise_rarely_crosses_make_it_no_less_slow(size):
+    """What coarse steps make of it is not white, so that its high frequencies lack what white steps would have."""
+    true = (1.0 - 0.95**2) / abs(1.0 - 0.95 * np.exp(-2j * np.pi * 5.0 / RATE)) ** 2 + 2.0**2 / 12.0
+    stated = {"tau": np.full(3, np.hypot(1.0, 2.0 / np.sqrt(12.0)))}
+    ratios = []
+    for seed in SEEDS:
+        random = np.random.default_rng(seed)
+        t = np.arange(4000) / RATE
+        q = np.sin(np.outer(t, [2.0, 2.1, 2.2]))
+        noisy = size * np.cos(2.0 * t)[:, None] + np.column_stack([coloured(4000, 0.95, random) for _ in range(3)])
+        run = run_of(t, {"q_cmd": q, "q": q, "tau": 2.0 * np.round(noisy / 2.0)}, stated)
+        ratios += [at_five_hertz(noise_of(run, "tau"), k) / true for k in range(3)]
+    assert 0.6 < np.median(ratios) < 1.4
+    assert min(ratios) > 0.4
+
+
 @pytest.mark.parametrize("wrong", [0.4, 3.0])
 def test_a_stated_size_that_the_record_contradicts_makes_white_noise_no_slower(wrong):
     run = recorded(swing)
