@@ -93,7 +93,7 @@ def rings_first(state: Search, parts: Sequence[Part]) -> list[Found]:
 
     All that is picked before it would be made up of small parts of its noise.
     """
-    if any(one.explains >= RINGS for one in state.first if one.earns and one.possible) or not (loud := loudness(state)):
+    if _much_by_one(state) or not (loud := loudness(state)):
         return []
     picked = one_that_rings(state, parts, ())
     if not picked:
@@ -111,7 +111,7 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     options = springs(state.problem, rows, state.scales, out)
     rung = _rung(state, options)
     takes = energy_of(state.left) - min((energy_of(left) for _, left in rung), default=math.inf)
-    if not state.found and HINTS * loud <= takes < RINGS * loud:
+    if not (state.found or _much_by_one(state)) and HINTS * loud <= takes < RINGS * loud:
         # one that stiffens rings nowhere as straight ones do, but near them
         rung += _rung(state, [bent for one in options for bent in stiffening(state.problem, {}, one)])
     tried = _by_energy([*rung, *_rung(state, clearances(state.problem, rows, out))])
@@ -133,6 +133,11 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     good = [one for one in good if one.earns] or ([] if state.found else good)
     winner = best_tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
+
+
+def _much_by_one(state: Search) -> bool:
+    """Whether a cause alone takes a good part of the gap by its signature."""
+    return any(one.explains >= RINGS for one in state.first if one.earns and one.possible)
 
 
 def _by_energy(rung: Sequence[tuple[Hypothesis, Vector]]) -> list[tuple[float, Hypothesis, Vector]]:

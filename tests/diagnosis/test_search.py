@@ -508,12 +508,18 @@ def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of
     assert clearances(asked, soft, ()) == clearances(asked, {}, {("backlash", 1)}) == []
 
 
-@pytest.mark.parametrize(("takes", "tried"), [(0.1, True), (0.5, False)])
-def test_play_does_not_keep_springs_that_stiffen_from_being_tried(monkeypatch, takes, tried):
-    """Play takes much of what a spring that stiffens leaves: whether one is tried straight springs alone say."""
+@pytest.mark.parametrize(
+    ("takes", "another", "tried"), [(0.1, 0.0, True), (0.5, 0.0, False), (0.1, 0.2, True), (0.1, 0.5, False)]
+)
+def test_straight_springs_and_a_cause_that_takes_much_say_whether_ones_that_stiffen_are_tried(
+    monkeypatch, takes, another, tried
+):
+    """Not play, which takes much of what one that stiffens leaves."""
     asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05, duration=2.0)])
     state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
     state.begin()
+    rubs = next(one for one in hypotheses(asked, {}, state.scales) if one.effect == "viscous_friction")
+    state.first = [Contender(rubs, 50.0, another, np.array([0.1]), state.left, 1.0)]
     loud = by_ringing.loudness(state)
     energy = float(state.left @ state.left)
     leaves = {"joint_compliance": math.sqrt(1.0 - takes * loud / energy), "backlash": 0.1}
