@@ -23,7 +23,8 @@ from .tried import best_tried
 Vector = NDArray[np.float64]
 
 # part of the gap's energy that a straight spring must take alone, or stiffening ones are tried; and where no other
-# cause takes so much either, they are the first to be. And where none takes as little as this, nothing rings
+# cause takes so much either, they are the first to be. And where neither straight ones nor play take as little as this,
+# nothing gives
 RINGS, HINTS = 0.3, 0.0025
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1
@@ -109,12 +110,13 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
         return []
     rows, out = rows_of(state.found), {*state.out, *skip}
     options = springs(state.problem, rows, state.scales, out)
-    rung = _rung(state, options)
-    takes = energy_of(state.left) - min((energy_of(left) for _, left in rung), default=math.inf)
-    if not (state.found or _much_by_one(state)) and HINTS * loud <= takes < RINGS * loud:
+    straight, wide = _rung(state, options), _rung(state, clearances(state.problem, rows, out))
+    taken, hints = (_taken(state, rung) for rung in (straight, [*straight, *wide]))
+    rung = [*straight, *wide]
+    if not (state.found or _much_by_one(state)) and hints >= HINTS * loud and taken < RINGS * loud:
         # one that stiffens rings nowhere as straight ones do, but near them
         rung += _rung(state, [bent for one in options for bent in stiffening(state.problem, {}, one)])
-    tried = _by_energy([*rung, *_rung(state, clearances(state.problem, rows, out))])
+    tried = _by_energy(rung)
     if not tried:
         return []
     sigma = spread(tried[0][2], parts)
@@ -133,6 +135,11 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     good = [one for one in good if one.earns] or ([] if state.found else good)
     winner = best_tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
+
+
+def _taken(state: Search, rung: Sequence[tuple[Hypothesis, Vector]]) -> float:
+    """Energy that the best of these takes of what is left."""
+    return energy_of(state.left) - min((energy_of(left) for _, left in rung), default=math.inf)
 
 
 def _much_by_one(state: Search) -> bool:

@@ -509,12 +509,20 @@ def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of
 
 
 @pytest.mark.parametrize(
-    ("takes", "another", "tried"), [(0.1, 0.0, True), (0.5, 0.0, False), (0.1, 0.2, True), (0.1, 0.5, False)]
+    ("takes", "play", "another", "tried"),
+    [
+        (0.1, 0.9, 0.0, True),
+        (0.5, 0.9, 0.0, False),
+        (0.1, 0.9, 0.2, True),
+        (0.1, 0.9, 0.5, False),
+        (0.0, 0.01, 0.0, True),
+        (0.0, 0.0, 0.0, False),
+    ],
 )
-def test_straight_springs_and_a_cause_that_takes_much_say_whether_ones_that_stiffen_are_tried(
-    monkeypatch, takes, another, tried
+def test_springs_that_stiffen_are_tried_where_something_gives_and_nothing_takes_much(
+    monkeypatch, takes, play, another, tried
 ):
-    """Not play, which takes much of what one that stiffens leaves."""
+    """But for play, which takes much of what one that stiffens leaves."""
     asked = problem(load("pendulum"), "rigid", [soft_run(INERTIA * 20.0**2, 0.05, duration=2.0)])
     state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
     state.begin()
@@ -522,7 +530,8 @@ def test_straight_springs_and_a_cause_that_takes_much_say_whether_ones_that_stif
     state.first = [Contender(rubs, 50.0, another, np.array([0.1]), state.left, 1.0)]
     loud = by_ringing.loudness(state)
     energy = float(state.left @ state.left)
-    leaves = {"joint_compliance": math.sqrt(1.0 - takes * loud / energy), "backlash": 0.1}
+    parts = {"joint_compliance": takes, "backlash": play}
+    leaves = {name: math.sqrt(1.0 - part * loud / energy) for name, part in parts.items()}
 
     def rung(state, options):
         return [(one, leaves.get(one.effect, 1.0) * state.left) for one in options]
