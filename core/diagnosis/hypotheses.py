@@ -14,6 +14,7 @@ import numpy as np
 
 from ..effects import catalogue, effect_named
 from ..expansion import SHORTEST_BEND
+from ..parallel import side_by_side
 from .amounts import FORMS, giving, plugin
 from .hypothesis import GIVING, Hypothesis, clamped
 from .model import Rows
@@ -31,7 +32,6 @@ _SAME_UNSEEN = ("controller_gain", "torque_constant")
 
 def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tuple[str, int]] = ()) -> list[Hypothesis]:
     """Everything that could be there beside these rows, in amounts of these scales, but for what to skip."""
-    found: list[Hypothesis] = []
     n = problem.database.n
     # a motor moves before a clamped output only where something gives; nothing else can be judged before that is there
     stiff = [
@@ -40,25 +40,26 @@ def hypotheses(problem: Problem, rows: Rows, scales: Scales, skip: Sequence[tupl
         if clamped(problem, at) and not any(problem.row_at(name, at, rows) for name in GIVING)
     ]
     there = {(effect, row.at) for effect, found_rows in rows.items() for row in found_rows}
-    for name in catalogue():
-        effect = effect_named(name)
-        places = (0,) if effect.key == "robot" else range(1, n + 1)
-        for at in places:
-            if (name, at) in skip or not possible(problem, name, at):
-                continue
-            if (names_of_one(problem, name, at) - {(name, at)}) & there:
-                continue
-            if effect.key == "joint" and at in stiff:
-                found += giving(scales, name, at)
-                continue
-            existing = problem.row_at(name, at, rows)
-            known = dict(existing.values) if existing else None
-            maker = FORMS.get(name, plugin)
-            made = [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
-            if name in _WAVES:
-                made = [h for h in made if not _harmonic(h, rows, NEAR * 2.0 * np.pi / scales.way[at - 1])]
-            found += made
-    return found
+
+    def forms(place: tuple[str, int]) -> list[Hypothesis]:
+        name, at = place
+        if place in skip or not possible(problem, name, at) or (names_of_one(problem, name, at) - {place}) & there:
+            return []
+        if effect_named(name).key == "joint" and at in stiff:
+            return giving(scales, name, at)
+        existing = problem.row_at(name, at, rows)
+        known = dict(existing.values) if existing else None
+        maker = FORMS.get(name, plugin)
+        made = [h for h in maker(problem, scales, name, at, known) if len(h.scale)]
+        if name in _WAVES:
+            made = [h for h in made if not _harmonic(h, rows, NEAR * 2.0 * np.pi / scales.way[at - 1])]
+        return made
+
+    places = [
+        (name, at) for name in catalogue() for at in ((0,) if effect_named(name).key == "robot" else range(1, n + 1))
+    ]
+    # which waves there could be is most of the work, and compiled
+    return [one for some in side_by_side(forms, places) for one in some]
 
 
 def _harmonic(wave: Hypothesis, rows: Rows, apart: float) -> bool:

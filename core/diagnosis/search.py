@@ -105,6 +105,8 @@ def _letting_go(state: Search, parts: Sequence[Part]) -> list[Found]:
     It need not be felt: in a clearance that is wider than the motor's way there is friction alone.
     """
     problem = state.problem
+    if not any(clamped(problem, at) for at in range(1, problem.database.n + 1)):
+        return []
     gives = {item.at for item in state.found if item.effect in GIVING}
     likeliest: dict[int, Found] = {}
     for contender in contenders(state, parts):
