@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .hypothesis import TENSOR
 from .problem import Problem
 
 Vector = NDArray[np.float64]
@@ -22,7 +23,6 @@ RESTS = math.pi, 1.0
 SHIFTED = 0.1
 # extra mass below which it has no center, and how thick it may be [masses of the arm, and times its length squared]
 LEAST_MASS, THICK = 0.02, 0.01
-MOMENTS = ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 # one standard deviation of how far a load's second moment of mass may be below none, as part of its largest moment
 HOLLOW = 1.0e-3
 
@@ -40,7 +40,7 @@ class Plain:
         loose: Standard deviation of each.
         arms: Of each arm with an extra mass, the places of its numbers by their names, and the arm's own mass [kg].
         length: What is long for an arm [m].
-        load: Number in MOMENTS, and place, of each of a load's moments of inertia that is fitted.
+        load: Number in TENSOR, and place, of each of a load's moments of inertia that is fitted.
     """
 
     small: tuple[int, ...]
@@ -70,9 +70,9 @@ class Plain:
         heavy = max(1e-3, *(body.mass for body in problem.database.inertias))
         small, loose = tuple(deviations), np.array(list(deviations.values()))
         load = tuple(
-            (MOMENTS.index(name), k)
+            (TENSOR.index(name), k)
             for k, (effect, _, name) in enumerate(free)
-            if effect == "payload" and name in MOMENTS
+            if effect == "payload" and name in TENSOR
         )
         extra = tuple((names, max(mass[at], 0.05 * heavy)) for at, names in arms.items())
         return Plain(small, loose, extra, length, load)
@@ -92,7 +92,7 @@ class Plain:
             size = THICK * mass * self.length**2
             parts.append(np.array([(there[name] - point[name]) / size for name in point if name in there]))
         if self.load:
-            moments = np.zeros(len(MOMENTS))
+            moments = np.zeros(len(TENSOR))
             for number, k in self.load:
                 moments[number] = values[k]
             parts.append(_hollow(moments) / HOLLOW)

@@ -111,9 +111,9 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     rows, out = rows_of(state.found), {*state.out, *skip}
     options = springs(state.problem, rows, state.scales, out)
     straight, wide = _rung(state, options), _rung(state, clearances(state.problem, rows, out))
-    taken, hints = (_taken(state, rung) for rung in (straight, [*straight, *wide]))
     rung = [*straight, *wide]
-    if not (state.found or _much_by_one(state)) and hints >= HINTS * loud and taken < RINGS * loud:
+    gives, rings = _taken(state, rung) >= HINTS * loud, _taken(state, straight) >= RINGS * loud
+    if gives and not (rings or state.found or _much_by_one(state)):
         # one that stiffens rings nowhere as straight ones do, but near them
         rung += _rung(state, [bent for one in options for bent in stiffening(state.problem, {}, one)])
     tried = _by_energy(rung)
