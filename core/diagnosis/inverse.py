@@ -136,6 +136,7 @@ def _erring(error: Vector, h: float, q: Vector, dq: Vector, ddq: Vector) -> tupl
     return q + error, dq + rate, ddq + np.gradient(rate, h, axis=0)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def stretch_of(robot: Robot, run: Prepared, effect: str, at: int, beyond: Beyond = ()) -> Vector:
     """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
     moved = _moved(_bodies(robot), run, of_springs(beyond))

@@ -135,6 +135,7 @@ def _stiffening(problem: Problem, rows: Rows, straight: Hypothesis, harder: floa
     return Hypothesis(straight.effect, straight.at, form, values, straight.scale, straight.lower, False, True)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def stretch_along(problem: Problem, rows: Rows, effect: str, at: int) -> float:
     """Root mean square stretch of the spring of an effect at a place along all runs [rad or m]; 0 of no such robot."""
     try:

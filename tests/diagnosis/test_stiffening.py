@@ -1,6 +1,7 @@
 """Springs that stiffen: found along the motion as what they are, told, and handed on as straight ones."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import mbexport
 from mbexport.core.build import assembled
 from mbexport.core.database import load
+from mbexport.core.diagnosis import resonance
 from mbexport.core.diagnosis.beyond import STIFFENING, places
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import STIFFENS_SAID
@@ -81,6 +83,15 @@ def test_a_fit_finds_how_much_it_stiffens():
     assert values[STIFFENING] == pytest.approx(STIFFER, rel=0.02)
     assert values["stiffness"] == pytest.approx(SPRING["stiffness"], rel=0.01)
     assert float(np.mean(fit.left**2)) < 1.5 < 100.0 < float(np.mean(straight.left**2))
+
+
+def test_a_spring_that_is_thrown_beyond_all_numbers_stretches_by_nothing_that_counts(monkeypatch):
+    """And nobody is warned of it: such springs are tried, and given up."""
+    asked = asked_of(0.0)
+    monkeypatch.setattr(resonance, "stretch_of", lambda *_: np.full(3, 1e200))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert resonance.stretch_along(asked, {}, "joint_compliance", 1) == 0.0
 
 
 def test_a_straight_spring_stays_one():
