@@ -22,7 +22,7 @@ from ..parallel import side_by_side
 from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .beyond import Beyond
-from .inverse import REST, STANDS, Said, said
+from .inverse import REST, STANDS, Said, fed_back, said
 from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
 from .sensed import next_alike, noise_in, response_of
 
@@ -53,6 +53,23 @@ class Channel:
     index: int
     first: int
     last: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Asked:
+    """What other gains make of the noise of one joint's "u".
+
+    Attributes:
+        form: Mean squares and products, in units of that noise, of what the controller makes of its sensors' by
+            position, by speed (both with the gains as stated), and of all else, shape (3, 3).
+    """
+
+    form: Vector
+
+    def noise(self, kp: float, kd: float) -> float:
+        """Power of the noise of "u" with so many times the gains, in units of it."""
+        factors = np.array([kp, kd, 1.0])
+        return float(factors @ self.form @ factors)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,9 +105,8 @@ class Evidence:
         masks: Run -> signal -> what counts, shape (m, n) of 0 and 1.
         creeps: Run -> speed below which joints stand.
         mixes: Run -> for each joint, what part of the coefficients of "tau" goes with those of "u" by noise alone;
-            {} where a run has not both; () for none at all. It is taken out of "u", so that both are known apart.
-        asks: Run -> for each joint, what part of the noise of "u" the controller makes of its sensors'; the rest is
-            that of the torque which the measured motion takes. () for none at all.
+            {} where a run has not both. It is taken out of "u", so that both are known apart.
+        asks: Run -> for each joint, what its controller makes of its sensors' noise; {} where no gains act.
     """
 
     runs: tuple[Prepared, ...]
@@ -99,8 +115,8 @@ class Evidence:
     weights: Vector
     masks: tuple[dict[str, Vector], ...]
     creeps: tuple[Vector, ...]
-    mixes: tuple[Mapping[int, Vector], ...] = ()
-    asks: tuple[Mapping[int, float], ...] = ()
+    mixes: tuple[Mapping[int, Vector], ...]
+    asks: tuple[Mapping[int, Asked], ...]
 
     def residual(self, robots: Sequence[Robot], beyond: Beyond = ()) -> Vector:
         """Measured minus said of these robots, one a run, in units of noise, shape (N,).
@@ -121,7 +137,7 @@ class Evidence:
 
     def _unmixed(self, raw: Mapping[str, Sequence[Vector]], channel: Channel) -> Vector:
         values = raw[channel.signal][channel.index]
-        mix = self.mixes[channel.run].get(channel.index) if self.mixes and channel.signal == "u" else None
+        mix = self.mixes[channel.run].get(channel.index) if channel.signal == "u" else None
         return values if mix is None else values - mix * raw["tau"][channel.index]
 
     def heard(self, robots: Sequence[Robot], beyond: Beyond = (), *, exactly: bool = False) -> Evidence:
@@ -137,7 +153,7 @@ class Evidence:
         """
         weights = np.ones_like(self.weights)
         mixes: list[dict[int, Vector]] = []
-        asks: list[dict[int, float]] = []
+        asks: list[dict[int, Asked]] = []
         for number, (run, robot) in enumerate(zip(self.runs, robots, strict=True)):
             voice = Voice(robot, self.nominals[number], self.creeps[number], beyond)
             values = differences(run, voice.says(run))
@@ -185,8 +201,8 @@ class Evidence:
             self.weights[self.places(kept)],
             tuple(self.masks[k] for k in kept),
             tuple(self.creeps[k] for k in kept),
-            tuple(self.mixes[k] for k in kept) if self.mixes else (),
-            tuple(self.asks[k] for k in kept) if self.asks else (),
+            tuple(self.mixes[k] for k in kept),
+            tuple(self.asks[k] for k in kept),
         )
 
     def _raw(self, number: int, robot: Robot, beyond: Beyond) -> dict[str, list[Vector]]:
@@ -273,7 +289,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     channels: list[Channel] = []
     weights: list[Vector] = []
     mixes: list[dict[int, Vector]] = []
-    asks: list[dict[int, float]] = []
+    asks: list[dict[int, Asked]] = []
     place = 0
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         voice = Voice(nominal, nominal, creep)
@@ -351,7 +367,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArr
 
 def _noise(
     run: Prepared, voice: Voice, values: dict[str, Vector], masks: dict[str, Vector]
-) -> tuple[dict[str, list[Vector]], dict[int, Vector], dict[int, float]]:
+) -> tuple[dict[str, list[Vector]], dict[int, Vector], dict[int, Asked]]:
     """Standard deviation of every coefficient for a perfect model, and of "u" what is "tau" and what is asked for.
 
     See `Evidence`.
@@ -366,26 +382,25 @@ def _noise(
         # alike about all axes
         one = models["ee_rot"]
         models["ee_rot"] = replace(one, sigma=np.repeat(one.sigma, 3), ar=np.repeat(one.ar, 3, axis=0))
-    plain = voice.says(run).u
-    asked, felt = np.zeros(run.run.n), np.zeros(run.run.n)
+    plain = fed_back(run, voice.nominal)
+    heard: list[dict[str, list[Vector]]] = []
     for _ in range(DRAWS):
         extra = {name: sample(models[name], len(run.run.t), random) for name in names}
         if run.told is not None:
             between = _between_rows(run.run, run.told, random)
             extra |= between | {"tau": extra["tau"] + between["tau"]}
         other = prepared(run.run, run.band, extra)
-        speech = voice.says(other)
-        changed = differences(other, speech)
-        if plain is not None and speech.u is not None:
-            own = coefficients(run, {"u": speech.u - plain}, masks)["u"]
-            asked += [float(column @ column) for column in own]
+        changed = differences(other, voice.says(other))
         apart = {name: changed[name] - values[name] for name in values}
         parts = coefficients(run, apart, masks)
         drawn: dict[str, list[Vector]] = {
             name: [column**2 / DRAWS for column in columns] for name, columns in parts.items()
         }
-        if "u" in parts:
-            felt += [float(column @ column) for column in parts["u"]]
+        if plain is not None and (loud := fed_back(other, voice.nominal)) is not None:
+            by_position, by_speed = (
+                coefficients(run, {"u": there - here}, masks)["u"] for there, here in zip(loud, plain, strict=True)
+            )
+            heard.append(parts | {"by position": by_position, "by speed": by_speed})
         if "tau" in parts and "u" in parts:
             drawn["both"] = [a * b / DRAWS for a, b in zip(parts["tau"], parts["u"], strict=True)]
         for name, columns in drawn.items():
@@ -406,8 +421,23 @@ def _noise(
         name: [np.sqrt(np.maximum(power, 1e-30 + 1e-6 * float(power.max()))) for power in columns]
         for name, columns in levels.items()
     }
-    share = np.minimum(asked / np.maximum(felt, 1e-300), 1.0)
-    return sigma, mix, {i: float(part) for i, part in enumerate(share)} if "u" in sigma else {}
+    asks = {i: _asked(voice, i, heard, sigma["u"][i], mix.get(i)) for i in range(run.run.n)} if heard else {}
+    return sigma, mix, asks
+
+
+def _asked(
+    voice: Voice, i: int, heard: Sequence[Mapping[str, Sequence[Vector]]], sigma: Vector, mix: Vector | None
+) -> Asked:
+    """What a controller makes of a joint's noise, of coefficients that were drawn."""
+    kp, kd = ((one or (1.0,) * voice.robot.n)[i] for one in (voice.robot.kp_factor, voice.robot.kd_factor))
+    form = np.zeros((3, 3))
+    for drawn in heard:
+        place, rate, whole = (drawn[name][i] for name in ("by position", "by speed", "u"))
+        whole = whole if mix is None else whole - mix * drawn["tau"][i]
+        parts = np.stack([place, rate, whole - kp * place - kd * rate]) / sigma
+        form += parts @ parts.T
+    factors = np.array([kp, kd, 1.0])
+    return Asked(form / max(float(factors @ form @ factors), 1e-300))
 
 
 def _between_rows(run: Run, told: Told, random: np.random.Generator) -> dict[str, Vector]:

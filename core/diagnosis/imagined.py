@@ -75,7 +75,9 @@ def imagined(problem: Problem, law: MotionLaw, truth: Rows, *, rate: float | Non
         measured[name] = getattr(speech, name)
     masks = _masks(plan, creep, present)
     channels, weights = _weights(evidence, place, plan)
-    whole = Evidence((plan,), (nominal,), channels, weights, (masks,), (creep,), (_mixes(evidence, plan),))
+    whole = Evidence(
+        (plan,), (nominal,), channels, weights, (masks,), (creep,), (_mixes(evidence, plan),), (evidence.asks[place],)
+    )
     return Problem(problem.database, problem.known, (problem.bodies[place],), whole)
 
 

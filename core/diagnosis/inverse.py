@@ -446,6 +446,15 @@ def _gives(drive: Drive) -> bool:
     return drive.spring is not None and not drive.spring.stands_in
 
 
+def fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector] | None:
+    """Torques that the gains as stated ask for by position and by speed, shapes (m, n); None where no gains act."""
+    control = run.run.control
+    if control.mode != "pd":
+        return None
+    behind, slower, _ = _fed_back(run, nominal)
+    return np.array(control.kp) * behind, np.array(control.kd) * slower
+
+
 @lru_cache(maxsize=_REMEMBERED)
 def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""

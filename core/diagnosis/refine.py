@@ -314,23 +314,24 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
     """What is left with these rows, whitened, in units of noise, shape (N,).
 
     What the motion takes and the controller did not ask for is smaller, whatever its cause, for a controller that is
-    said to ask for less, and so is what it makes of its sensors' noise. There both count by what that controller makes
-    of them, or one that does next to nothing would explain everything.
+    said to ask for less, and so may be what it makes of its sensors' noise. There both count by what that controller
+    makes of them, or one that does next to nothing would explain everything; a louder one's noise does not, for then
+    one that asks wildly would.
     """
     left = whiten(problem.misfit(rows))
-    asks = problem.evidence.asks
     weaker = {
-        row.at: part
+        row.at: (row.values["kp"], row.values["kd"])
         for row in rows.get("controller_gain", ())
-        if (part := math.sqrt(row.values["kp"] * row.values["kd"])) < 1.0
+        if row.values["kp"] * row.values["kd"] < 1.0
     }
     for channel in problem.evidence.channels:
-        if channel.signal == "u" and (part := weaker.get(channel.index + 1)):
+        gains = weaker.get(channel.index + 1) if channel.signal == "u" else None
+        asked = problem.evidence.asks[channel.run].get(channel.index)
+        if gains and asked:
             here = left[channel.first : channel.last]
-            own = asks[channel.run][channel.index] if asks else 1.0
             square = float(np.mean(here**2))
-            noise = own * part**2 + 1.0 - own
-            counts = 1.0 + (square / noise - 1.0) / part**2 if square > noise else square / noise
+            noise, part = min(asked.noise(*gains), 1.0), gains[0] * gains[1]
+            counts = 1.0 + (square / noise - 1.0) / part if square > noise else square / noise
             here *= math.sqrt(counts / max(square, 1e-300))
     return left
 

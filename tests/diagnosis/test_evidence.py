@@ -150,3 +150,15 @@ def test_a_joint_that_stands_most_of_the_time_rubs_only_where_it_moves():
     assert np.mean(np.abs(ready.dq) < creep) > 0.7
     np.testing.assert_allclose(friction[moves], level, rtol=1e-3)
     np.testing.assert_array_equal(friction[rests], 0.0)
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(0.8, 1.1), (0.5, 1.0), (1.0, 0.5), (1.3, 0.7)])
+def test_what_other_gains_make_of_noise_is_what_a_controller_with_them_is_seen_to_make(kp, kd):
+    asked = problem(DATABASE, "rigid", [pendulum_run()])
+    other = asked.heard({"controller_gain": (EffectRow(1, {"kp": kp, "kd": kd}),)}, exactly=True)
+    channel = next(c for c in asked.evidence.channels if c.signal == "u")
+    before, after = (one.evidence.weights[channel.first : channel.last] ** -2.0 for one in (asked, other))
+    assert asked.evidence.asks[0][0].noise(1.0, 1.0) == pytest.approx(1.0)
+    assert asked.evidence.asks[0][0].noise(kp, kd) == pytest.approx(float(np.mean(after / before)), rel=0.1)
+    # which is all that is heard of them there
+    assert other.evidence.asks[0][0].noise(kp, kd) == pytest.approx(1.0)
