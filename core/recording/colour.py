@@ -30,12 +30,6 @@ _HIGHEST_ORDER = 3
 _DISAGREES = 12.0
 # times what noise gives, in a quarter of the stretches
 _FAR_ABOVE = 4.0
-# times the quietest stretch's power that most stretches have where more than noise is in them, and that noise has
-_STIRRED, _AS_QUIET = 10.0, 4.0
-# stretches that tell a noise
-_FEWEST = 3
-# of a square, what is none
-_NOTHING = 1.0e-280
 # times what the model gives
 _A_LITTLE = 1.25
 # of white noise beside slow noise, tried
@@ -233,34 +227,6 @@ def _shared(curves: dict[int, Vector]) -> float:
     return 0.0
 
 
-def stirred(stretches: Vector, white: float) -> bool:
-    """Whether most stretches (s, n) of a channel, white noise that is there at least, have more than noise in them.
-
-    Noise is as loud in every stretch. What a gear's error or a clearance makes may reach up to the highest frequency,
-    but does so where the joint moves.
-    """
-    level = _rough(stretches)
-    above = level[level > max(white, _NOTHING)]
-    return len(above) > 0 and bool(np.median(level) >= _STIRRED * above.min())
-
-
-def quiet(stretches: Vector, white: float) -> Vector:
-    """The stretches (s, n) that are about as quiet as the quietest, some at least."""
-    level = _rough(stretches)
-    above = level[level > max(white, _NOTHING)]
-    if len(above) < _FEWEST:
-        return stretches
-    return stretches[level <= max(_AS_QUIET * float(above.min()), float(np.sort(above)[_FEWEST - 1]))]
-
-
-def _rough(stretches: Vector) -> Vector:
-    """Mean squares of the rough contrasts of stretches (s, n), shape (s,)."""
-    n = stretches.shape[1]
-    tools = _contrasts(n)
-    rough = tools.starts >= n // 4
-    return _mean(tools.energies(stretches)[:, rough], tools.sizes[rough])
-
-
 def _upper(stretches: Vector, white: float) -> _Upper | None:
     """The bands of a channel's stretches that are noise; None where too few of them moved at all."""
     n = stretches.shape[1]
@@ -268,8 +234,8 @@ def _upper(stretches: Vector, white: float) -> _Upper | None:
     energy = tools.energies(stretches)
     rough = tools.starts >= n // 4
     # a sensor that did not move in a stretch says nothing of its noise
-    energy = energy[_mean(energy[:, rough], tools.sizes[rough]) > max(0.02 * white, _NOTHING)]
-    if len(energy) < _FEWEST:
+    energy = energy[_mean(energy[:, rough], tools.sizes[rough]) > max(0.02 * white, 1.0e-280)]
+    if len(energy) < 3:
         return None
     cut = _lowest_noise(energy, tools, white)
     return _Upper(energy[:, cut:], tools, cut, white)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .colour import LENGTHS, Heard, coloured, heard, quiet, stirred
+from .colour import LENGTHS, Heard, coloured, heard
 from .run import Run, Vector
 from .stamps import JITTER
 
@@ -174,17 +174,12 @@ def _heard(recorded: _Recorded, signal: str) -> _Signal:
     values, known = run.signals[signal], _motion_of(run)
     there = np.isfinite(values).sum(axis=0) >= LENGTHS[-1] // 2
     step = np.where(there, steps, 0.0)
-    white = np.square(step) / 12.0
     clean: dict[int, Vector] = {}
     for i in np.flatnonzero(there).tolist():
-        channel = run, values[:, i], known, i if values.shape[1] == run.n else None
-        stretches = _clean_stretches(*channel)
-        if stretches is not None and stirred(stretches, white[i]):
-            # short ones find where it is quiet
-            short = _clean_stretches(*channel, LENGTHS[-1:])
-            stretches = None if short is None else quiet(short, white[i])
+        stretches = _clean_stretches(run, values[:, i], known, i if values.shape[1] == run.n else None)
         if stretches is not None:
             clean[i] = stretches
+    white = np.square(step) / 12.0
     found = heard([(stretches, float(white[i])) for i, stretches in clean.items()])
     return _Signal(dict(zip(clean, found, strict=True)), white, step)
 
@@ -277,28 +272,26 @@ def _motion_of(run: Run) -> _Motion:
     return _Motion(reversals, gaps)
 
 
-def _clean_stretches(
-    run: Run, values: Vector, known: _Motion, joint: int | None, lengths: Sequence[int] = LENGTHS
-) -> Vector | None:
+def _clean_stretches(run: Run, values: Vector, known: _Motion, joint: int | None) -> Vector | None:
     """Stretches of a channel (m,) in which nothing turns back, shape (s, length); None where there are too few."""
     finite = np.isfinite(values)
     turned = known.reversals.any(axis=1) if joint is None else known.reversals[:, joint]
     # a motion that turns all the time leaves what it leaves
     avoided = ~finite | (turned if turned.mean() < 0.7 else np.zeros_like(turned))
-    length, starts = _clean(avoided, known.breaks, lengths)
+    length, starts = _clean(avoided, known.breaks)
     if len(starts) < 3:
-        length, starts = _clean(~finite, known.breaks, lengths)
+        length, starts = _clean(~finite, known.breaks)
     return np.array([values[k : k + length] for k in starts]) if len(starts) >= 3 else None
 
 
-def _clean(avoided: Rows, breaks: Rows, lengths: Sequence[int]) -> tuple[int, list[int]]:
+def _clean(avoided: Rows, breaks: Rows) -> tuple[int, list[int]]:
     """The longest length of which there are enough clean stretches, and where they start."""
     starts: list[int] = []
-    for length in lengths:
+    for length in LENGTHS:
         starts = _stretches(avoided, breaks, length)
         if len(starts) >= 6 and len(starts) * length > 0.4 * (~avoided).sum():
             return length, starts
-    return lengths[-1], starts
+    return LENGTHS[-1], starts
 
 
 def _stretches(avoided: Rows, breaks: Rows, length: int) -> list[int]:

@@ -255,17 +255,6 @@ def test_a_channel_of_another_colour_keeps_its_own():
     assert noise.ar[:3, 0].min() > 0.85
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_gear_whose_error_reaches_the_highest_frequencies_is_no_noise(seed):
-    """Where its joint moves it is loud; noise is as loud where it stands or creeps."""
-    run = recorded(point_to_point, seed=seed)
-    q = run.signals["q"]
-    wave = 30.0 * SIGMA["q"] * np.sin(900.0 * run.signals["q_cmd"])
-    shaken = run_of(run.t, {**run.signals, "q": q + wave})
-    assert (noise_of(run, "q").sigma / SIGMA["q"]).tolist() == pytest.approx([1.0, 1.0], abs=0.1)
-    assert (noise_of(shaken, "q").sigma / SIGMA["q"]).tolist() == pytest.approx([1.0, 1.0], abs=0.4)
-
-
 def test_a_stated_sigma_is_kept_and_its_colour_estimated():
     run = recorded(swing, 0.95)
     stated = run_of(run.t, run.signals, {"tau": np.array([0.7, 0.8])})
