@@ -1,0 +1,154 @@
+"""Loads and extra masses of arms: bodies that can be, by the likelier name."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mbexport.core.build import build
+from mbexport.core.control import Control
+from mbexport.core.database import load
+from mbexport.core.database.bodies import fault_of
+from mbexport.core.diagnosis.alike import Alike, alike
+from mbexport.core.diagnosis.contender import Contender
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found, without_bodies
+from mbexport.core.diagnosis.hypotheses import hypotheses, twins_of
+from mbexport.core.diagnosis.judge import Judge
+from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.plain import Plain, at_a_point
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.scales import scales_of
+from mbexport.core.diagnosis.search import _likeliest
+from mbexport.core.diagnosis.state import Search
+from mbexport.core.diagnosis.told_apart import told_apart
+from mbexport.core.diagnosis.unseen import splits
+from mbexport.core.effects import EffectRow
+from mbexport.core.kinematics import dynamics
+from mbexport.core.recording import Run
+from mbexport.core.representation import Inertia
+
+from .pendulums import INERTIA, pendulum_run
+from .searching import COLUMNS, question
+
+
+def test_a_body_that_cannot_be_is_no_finding():
+    asked = question()
+    hollow = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": -0.1, "Izz": 5.0})
+    assert without_bodies(asked, [Found("link_inertia", 1, hollow, 50.0)]) == {("link_inertia", 1)}
+    # nor one that no robot can be assembled with
+    empty = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "Izz": -50.0})
+    assert without_bodies(asked, [Found("link_inertia", 1, empty, 50.0)]) == {("link_inertia", 1)}
+    heavier = EffectRow(1, {**dict.fromkeys(COLUMNS, 0.0), "mass": 0.1})
+    assert without_bodies(asked, [Found("link_inertia", 1, heavier, 50.0)]) == set()
+
+
+def test_an_extra_mass_at_a_point_is_a_body():
+    extra = {"mass": 0.4, "mx": 0.1, "my": -0.04, "mz": 0.02}
+    about_origin = at_a_point(extra, 1e-3)
+    x, y, z = (extra[name] / extra["mass"] for name in ("mx", "my", "mz"))
+    point = Inertia(extra["mass"], (x, y, z), 1e-12, 1e-12, 1e-12)
+    assert fault_of(point) is None
+    # Steiner, by hand
+    assert about_origin["Ixx"] == pytest.approx(0.4 * (y * y + z * z))
+    assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
+
+
+def test_what_hangs_at_the_last_arm_is_called_a_load():
+    asked = question()
+    there = {(h.effect, h.form): h for h in hypotheses(asked, {}, scales_of(asked, {}))}
+    nothing = np.zeros(0)
+
+    def said(name, gain, explains):
+        return Contender(there[name], gain, explains, np.ones(4), nothing, 1.0)
+
+    arm = said(("link_inertia", "mass"), 100.0, 0.9)
+    load, lighter = (said(("payload", "point"), 90.0, explains) for explains in (0.9, 0.7))
+    assert _likeliest([arm, load], twins_of(asked)) is load
+    assert _likeliest([arm, lighter], twins_of(asked)) is arm
+
+
+def test_a_load_is_near_the_hand():
+    plain = Plain.of(question(), tuple(("payload", 0, name) for name in ("mass", "x", "y", "z")))
+    near, far = (float(np.sum(np.square(plain.apart(np.array([0.1, x, 0.0, 0.0]))))) for x in (0.05, 3.0))
+    assert near < 1.0
+    assert far > 50.0
+
+
+def test_a_load_is_a_body():
+    """A box of 3 by 4 by 5, turned; the same with a side whose square is below none; and a sphere."""
+    plain = Plain.of(question(), tuple(("payload", 0, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")))
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+
+    def apart(squares):
+        about = turn @ np.diag(np.sum(squares) - np.array(squares)) @ turn.T
+        moments = [about[0, 0], about[1, 1], about[2, 2], about[0, 1], about[0, 2], about[1, 2]]
+        return float(np.sum(plain.apart(1e-4 * np.array(moments)) ** 2))
+
+    assert apart([9.0, 16.0, 25.0]) == apart([9.0, 16.0, 0.0]) == pytest.approx(0.0, abs=1e-12)
+    # the largest moment is 25: its mass is hollow by a hundredth, ten standard deviations
+    assert apart([9.0, 16.0, -0.25]) == pytest.approx(100.0)
+    some = Plain.of(question(), (("payload", 0, "mass"), ("payload", 0, "Izz"), ("payload", 0, "Ixx")))
+    assert float(np.sum(some.apart(np.array([1.0, 2e-4, 2e-4])) ** 2)) == pytest.approx(0.0, abs=1e-12)
+    assert float(np.sum(some.apart(np.array([1.0, 4e-4, 2e-4])) ** 2)) > 1e4
+
+
+def test_a_load_that_was_found_is_next_as_thick_as_it_is_wide():
+    """One number for its moments: six are dearer than what they say of a load of the size of a fist."""
+    asked = question()
+    point = {"mass": 0.4, "x": 0.01, "y": 0.0, "z": 0.02}
+    there = {"payload": (EffectRow(0, dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0) | point),)}
+    forms = {h.form: h for h in hypotheses(asked, there, scales_of(asked, {})) if h.effect == "payload"}
+    (ball,) = forms["ball"].rows(np.array([2.0e-4]))["payload"]
+    assert [ball.values[name] for name in ("Ixx", "Iyy", "Izz", "Ixy")] == [2e-4, 2e-4, 2e-4, 0.0]
+    assert {name: ball.values[name] for name in point} == point
+    assert forms["ball"].lower == pytest.approx(0.0)
+    assert "ball" not in {h.form for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "payload"}
+
+
+def test_the_extra_mass_of_an_arm_is_near_the_arm():
+    plain = Plain.of(question(), tuple(("link_inertia", 1, name) for name in ("mass", "mx", "my", "mz")))
+    near, far = (float(np.sum(np.square(plain.apart(np.array([0.5, 0.5 * x, 0.0, 0.0]))))) for x in (0.05, 3.0))
+    assert near < 1.0
+    assert far > 50.0
+
+
+def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monkeypatch):
+    """Where it was found as that arm's extra mass; an arm that is lighter than it is said to be is no load."""
+    for mass, name in ((0.1, "payload"), (-0.1, "link_inertia")):
+        monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + mass * 0.3**2)
+        runs = [
+            pendulum_run(seed=seed, against=lambda t, q, dq, m=mass: m * 9.81 * 0.3 * math.sin(q)) for seed in (1, 2)
+        ]
+        asked = problem(load("pendulum"), "rigid", runs)
+        whiten = whitening(asked)
+        judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whiten, splits(2, 0), runs)
+        none = dict.fromkeys(COLUMNS, 0.0)
+        arm = Found("link_inertia", 1, EffectRow(1, none | {"mass": mass, "mx": -0.2 * mass}), 50.0)
+        hung = dict.fromkeys(("x", "y", "z", *COLUMNS[4:]), 0.0) | {"mass": 0.1, "x": -0.2}
+        twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
+        _, better = told_apart(judge, [arm], [(twin,)])
+        assert [item.effect for item in better or [arm]] == [name]
+
+
+def test_a_rotor_may_be_an_arm_that_has_more_mass():
+    """About an upright axis: by moments of inertia alone, which fit best, the thin arm would be no body."""
+    scara = load("scara")
+    t = np.arange(1001) / 250.0
+    speeds = 2.0 * np.array([1.0, 1.55, 0.4, 2.1])
+    q = np.column_stack([0.5 * np.sin(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    dq = np.column_stack([0.5 * w * np.cos(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    ddq = np.column_stack([-0.5 * w**2 * np.sin(w * t) for w in speeds]) * (1.0, 1.0, 0.1, 1.0)
+    random = np.random.default_rng(3)
+    tau = dynamics(build(scara, "rigid")).inverse_dynamics(q, dq, ddq) + ddq * (0.2, 0.0, 0.0, 0.0)
+    noise = {"q": np.full(4, 1e-6), "tau": np.full(4, 0.01)}
+    signals = {"q": q + 1e-6 * random.normal(size=q.shape), "tau": tau + 0.01 * random.normal(size=q.shape)}
+    run = Run("swing", t, signals, Control("unknown"), noise, (), {}, "", (), 250.0)
+    asked = problem(scara, "rigid", [run])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    one = Found("rotor_inertia", 1, EffectRow(1, {"inertia": 0.2}), 50.0)
+    fit = refined(asked, state.whiten, [one], blocks(asked.evidence))
+    names = {other.found.key: other.found.row.values for other in alike(state, [one], fit, one)}
+    assert names["link_inertia", 1]["mass"] > 0.0
