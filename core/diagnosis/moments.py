@@ -39,6 +39,8 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
     """
     covariance = fit.covariance
     free = set(fit.free)
+    # of numbers that no run shows there is no interval
+    shown = np.flatnonzero(fit.shown)
     left: Vector | None = None
     for (effect, at), row in fit.rows.items():
         missing = [name for name in MOMENTS if name in row.values and (effect, at, name) not in free]
@@ -47,11 +49,13 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
             continue
         if left is None:
             left = left_with(problem, whiten, tables(fit.rows))
-        pull = fit.covariance @ (fit.slope / spread(left, parts)[:, None] ** 2).T
+        sigma = spread(left, parts)
         for name in missing:
             there = EffectRow(row.at, {**row.values, name: row.values[name] + usual})
             change = left_with(problem, whiten, tables({**fit.rows, (effect, at): there})) - left
-            moved = pull @ change
+            moved = np.zeros(len(fit.free))
+            # by the runs themselves: a covariance that was widened since pulls numbers that go together apart
+            moved[shown] = np.linalg.lstsq(fit.slope[:, shown] / sigma[:, None], change / sigma, rcond=None)[0]
             covariance = covariance + np.outer(moved, moved)
     return replace(fit, covariance=covariance)
 

@@ -1,6 +1,7 @@
 """A load that was found as a point is a body: what its moments of inertia say, its mass has said for them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,17 @@ def test_an_interval_knows_of_moments_that_were_left_out(monkeypatch, name, valu
     apart = abs(fit.rows[name, fit.free[0][1]].values["mass"] - MASS)
     assert apart > 1.96 * spread_of(fit, "mass")
     assert apart < 1.96 * spread_of(wider, "mass")
+
+
+def test_what_moments_move_goes_together_whatever_was_widened_before(monkeypatch):
+    """A mass and its first moment say the same of an axis: one that is known worse since does not part them."""
+    asked, whiten, fit = loaded(monkeypatch, "link_inertia", {"mass": MASS, "mx": MASS * (OUT - 0.5)})
+    more = np.linspace(1.0, 3.0, len(fit.free))
+    wide = replace(fit, covariance=fit.covariance * np.outer(more, more))
+    parts = blocks(asked.evidence)
+    by_runs, by_wide = (with_moments(asked, whiten, one, parts).covariance - one.covariance for one in (fit, wide))
+    assert np.abs(by_runs).max() > 0.0
+    np.testing.assert_allclose(by_wide, by_runs, rtol=1e-6, atol=1e-9 * np.abs(by_runs).max())
 
 
 def test_what_is_no_body_has_no_moments():
