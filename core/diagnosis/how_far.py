@@ -13,7 +13,7 @@ from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from ..recording.run import MEASURED
 from ..representation import Robot
-from .blocks import Blocks, Sums
+from .blocks import DRAWS, Blocks, Sums
 from .diagnosis import EffectShare, HowFar, Overlay
 from .found import Found, rows_of
 from .gap import LEVEL
@@ -30,6 +30,7 @@ CLEAR = 1.0
 MOST = 3.0
 # part of what is left that is noise at least, where all of it may be
 LEAST = 0.1
+SEED = 20131115
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
 
 
@@ -129,8 +130,8 @@ def how_far(
         except MbexportError as error:
             refused[engine] = str(error)
 
-    def told(by: Sequence[Noise]) -> HowFar:
-        """The figures by these noises."""
+    def told(by: Sequence[Noise], *, heard: bool = False) -> HowFar:
+        """The figures by these noises, as they are known or as they were heard."""
         shrunk = [_Shrunk(runs, robots, noises, by, steps[0], step) for step in steps]
         total = shrunk[-1]
         gaps = [float(one.after.gap()) for one in shrunk]
@@ -147,7 +148,7 @@ def how_far(
             after={name: total.after.rms(name) for name in total.after.signals},
             noise={name: total.before.noise(name) for name in total.before.signals},
             shrinks_by=total.by(),
-            ci95=total.interval(),
+            ci95=total.interval(heard=heard),
             signals={name: total.by(name) for name in total.before.signals},
             by_effect=tuple(shares) if total.by() is not None else (),
             backends={name: _Shrunk(runs, robots, noises, by, *both).by() for name, both in engines.items()},
@@ -160,7 +161,7 @@ def how_far(
     if names:
         unsure = [fold.unsure for fold in folds for _ in fold.runs]
         heard = map(_heard, runs, robots, noises, steps[-1], unsure)
-        answer = replace(answer, as_heard=told(list(heard)))
+        answer = replace(answer, as_heard=told(list(heard), heard=True))
     overlays = tuple(
         Overlay(
             run.name,
@@ -242,14 +243,39 @@ class _Shrunk:
             known += float(np.mean(np.sqrt(2.0 / freedom))) ** 2
         return float(np.hypot(np.std(blocks), np.sqrt(known) / max(1, len(names))))
 
-    def interval(self) -> tuple[float, float] | None:
-        """95 % of `by` when blocks are drawn anew, and `by` itself, which takes more for noise; None: no gap."""
+    def interval(self, *, heard: bool = False) -> tuple[float, float] | None:
+        """95 % of `by` when blocks are drawn anew, and `by` itself, which takes more for noise; None: no gap.
+
+        Args:
+            heard: Noise is drawn anew as well, as loud as it may be for what is known of it and no louder than what is
+                left: where a perfect model may leave all of that, some of it may be a gap.
+        """
         by = self.by()
         if by is None:
             return None
-        before, after = (drawn.gap() for drawn in self._drawn)
+        before, after = self._gaps_unsure() if heard else (drawn.gap() for drawn in self._drawn)
         low, high = np.quantile(1.0 - after / np.maximum(before, 1e-300), [0.025, 0.975])
         return min(float(low), by), max(float(high), by)
+
+    def _gaps_unsure(self) -> tuple[Vector, Vector]:
+        """Gaps before and after of blocks and noises that are drawn, in units of the noise as it was heard."""
+        random = np.random.default_rng(SEED)
+        out: list[list[Vector]] = [[], []]
+        for name in self.known.signals:
+            freedom: Vector = np.max([noise.freedom(name) for noise in self._noises], axis=0)
+            count = np.maximum(self.known.counts[name], 1.0)
+            power = self.known.noises[name] / count
+            drawn = power * random.chisquare(freedom, (DRAWS, len(freedom))) / freedom
+            squares = [one.squares[name] / np.maximum(one.counts[name], 1.0) for one in self._drawn]
+            # what is left with all that was found is noise at least
+            noise = np.minimum(drawn, squares[1])
+            unit = self.after.noises[name] / count
+            there = (self.known.counts[name] > 0.0) & (unit > 0.0)
+            for gaps, square in zip(out, squares, strict=True):
+                above = np.where(there, np.maximum(square - noise, 0.0) / np.where(unit > 0.0, unit, 1.0), 0.0)
+                gaps.append(above.sum(axis=-1) / max(int(there.sum()), 1))
+        before, after = (np.sqrt(np.mean(gaps, axis=0)) for gaps in out)
+        return before, after
 
 
 def _say_nothing(what: str) -> None:

@@ -10,6 +10,7 @@ import pytest
 from pendulums import pendulum_run
 
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.blocks import DRAWS, Sums
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.how_far import Fold, _Shrunk, how_far
 from mbexport.core.effects import EffectRow
@@ -117,6 +118,28 @@ def test_how_far_a_gap_shrinks_lies_within_its_interval(by, told):
     after = SimpleNamespace(gap=lambda: np.linspace(0.1013, 0.0487, 1001))
     low, high = _Shrunk.interval(SimpleNamespace(by=lambda: by, _drawn=(before, after)))
     assert (low, high) == pytest.approx(told, abs=2e-3)
+
+
+def test_an_interval_knows_that_noise_may_hide_what_is_left():
+    """Of noise as loud as what is left, whose power scatters like an exponential variable, a part may be a gap."""
+
+    def sums(square, shape=(1,)):
+        return Sums(*({"tau": np.full(shape, value)} for value in (square, 100.0, 100.0)))
+
+    draws = [sums(square, (DRAWS, 1)) for square in (4900.0, 100.0)]
+    heard = SimpleNamespace(
+        by=lambda: 1.0,
+        known=sums(4900.0),
+        after=sums(100.0),
+        _drawn=draws,
+        _noises=[SimpleNamespace(freedom=lambda name: np.array([2.0]))],
+    )
+    heard._gaps_unsure = lambda: _Shrunk._gaps_unsure(heard)
+    assert _Shrunk.interval(heard) == (1.0, 1.0)
+    low, high = _Shrunk.interval(heard, heard=True)
+    quiet = -np.log(1.0 - 0.025)
+    assert low == pytest.approx(1.0 - np.sqrt((1.0 - quiet) / (49.0 - quiet)), abs=2e-3)
+    assert high == 1.0
 
 
 def test_what_numbers_may_be_off_by_is_told_as_gap():
