@@ -147,7 +147,7 @@ class HowFar:
         before, after, noise: Signal -> rms [unit of the signal].
         shrinks_by: 1 - gap after / gap before over all signals; None unless the gap before is above twice its own
             standard error.
-        ci95: Its 95 % interval by block bootstrap; None with shrinks_by.
+        ci95: Its 95 % interval: blocks of time and the noise's power drawn anew; None with shrinks_by.
         signals: Signal -> the same for it alone.
         by_effect: Shares that sum to the total.
         backends: Backend -> shrinks_by re-simulated there.
