@@ -15,6 +15,7 @@ from ..recording.run import MEASURED
 from ..representation import Robot
 from .blocks import DRAWS, Blocks, Sums
 from .diagnosis import EffectShare, HowFar, Overlay
+from .evidence import SEED
 from .found import Found, rows_of
 from .gap import LEVEL
 from .model import robot_of
@@ -30,7 +31,6 @@ CLEAR = 1.0
 MOST = 3.0
 # part of what is left that is noise at least, where all of it may be
 LEAST = 0.1
-SEED = 20131115
 COMMANDS = ("q_cmd", "dq_cmd", "ddq_cmd", "tau_cmd")
 
 
@@ -220,7 +220,7 @@ class _Shrunk:
         known = Blocks.of(left[0], noises, runs)
         self.known, self._scatters = known.together(), known.drawn()
         # the same blocks of both
-        self._drawn: tuple[Sums, ...] = tuple(block.drawn() for block in blocks)
+        self._drawn: tuple[Sums, Sums] = (blocks[0].drawn(), blocks[1].drawn())
 
     def by(self, signal: str | None = None) -> float | None:
         """1 - gap after / gap before, of a signal or all; None where there is no clear gap before."""
@@ -239,8 +239,7 @@ class _Shrunk:
         # channels of one signal are off together
         known = 0.0
         for name in names:
-            freedom: Vector = np.max([noise.freedom(name) for noise in self._noises], axis=0)
-            known += float(np.mean(np.sqrt(2.0 / freedom))) ** 2
+            known += float(np.mean(np.sqrt(2.0 / self._freedom(name)))) ** 2
         return float(np.hypot(np.std(blocks), np.sqrt(known) / max(1, len(names))))
 
     def interval(self, *, heard: bool = False) -> tuple[float, float] | None:
@@ -260,22 +259,23 @@ class _Shrunk:
     def _gaps_unsure(self) -> tuple[Vector, Vector]:
         """Gaps before and after of blocks and noises that are drawn, in units of the noise as it was heard."""
         random = np.random.default_rng(SEED)
-        out: list[list[Vector]] = [[], []]
+        before, after = self._drawn
+        shifts: dict[str, Vector] = {}
         for name in self.known.signals:
-            freedom: Vector = np.max([noise.freedom(name) for noise in self._noises], axis=0)
-            count = np.maximum(self.known.counts[name], 1.0)
-            power = self.known.noises[name] / count
-            drawn = power * random.chisquare(freedom, (DRAWS, len(freedom))) / freedom
-            squares = [one.squares[name] / np.maximum(one.counts[name], 1.0) for one in self._drawn]
+            freedom = self._freedom(name)
+            power = self.known.noises[name] / np.maximum(self.known.counts[name], 1.0)
+            drawn = power * random.chisquare(freedom, (DRAWS, len(freedom))) / freedom * after.counts[name]
             # what is left with all that was found is noise at least
-            noise = np.minimum(drawn, squares[1])
-            unit = self.after.noises[name] / count
-            there = (self.known.counts[name] > 0.0) & (unit > 0.0)
-            for gaps, square in zip(out, squares, strict=True):
-                above = np.where(there, np.maximum(square - noise, 0.0) / np.where(unit > 0.0, unit, 1.0), 0.0)
-                gaps.append(above.sum(axis=-1) / max(int(there.sum()), 1))
-        before, after = (np.sqrt(np.mean(gaps, axis=0)) for gaps in out)
-        return before, after
+            shifts[name] = after.noises[name] - np.minimum(drawn, after.squares[name])
+
+        def gap(one: Sums) -> Vector:
+            return replace(one, squares={name: values + shifts[name] for name, values in one.squares.items()}).gap()
+
+        return gap(before), gap(after)
+
+    def _freedom(self, name: str) -> Vector:
+        """Degrees of freedom of a signal's noise, shape (n,)."""
+        return np.max([noise.freedom(name) for noise in self._noises], axis=0)
 
 
 def _say_nothing(what: str) -> None:

@@ -19,7 +19,7 @@ from .fit import Part, spread
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import Refined, left_with
+from .refine import Refined, left_with, taken_up
 
 Vector = NDArray[np.float64]
 
@@ -39,8 +39,6 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
     """
     covariance = fit.covariance
     free = set(fit.free)
-    # of numbers that no run shows there is no interval
-    shown = np.flatnonzero(fit.shown)
     left: Vector | None = None
     for (effect, at), row in fit.rows.items():
         missing = [name for name in MOMENTS if name in row.values and (effect, at, name) not in free]
@@ -49,14 +47,10 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
             continue
         if left is None:
             left = left_with(problem, whiten, tables(fit.rows))
-        sigma = spread(left, parts)
-        for name in missing:
-            there = EffectRow(row.at, {**row.values, name: row.values[name] + usual})
-            change = left_with(problem, whiten, tables({**fit.rows, (effect, at): there})) - left
-            moved = np.zeros(len(fit.free))
-            # by the runs themselves: a covariance that was widened since pulls numbers that go together apart
-            moved[shown] = np.linalg.lstsq(fit.slope[:, shown] / sigma[:, None], change / sigma, rcond=None)[0]
-            covariance = covariance + np.outer(moved, moved)
+        there = (EffectRow(row.at, {**row.values, name: row.values[name] + usual}) for name in missing)
+        change = [left_with(problem, whiten, tables({**fit.rows, (effect, at): one})) - left for one in there]
+        moved = taken_up(fit, np.column_stack(change), spread(left, parts))
+        covariance = covariance + moved @ moved.T
     return replace(fit, covariance=covariance)
 
 

@@ -139,6 +139,23 @@ def covariance_of(information: Vector) -> Vector:
     return np.asarray((axes / np.maximum(known, least)) @ axes.T / np.outer(size, size), dtype=np.float64)
 
 
+def taken_up(fit: Refined, change: Vector, sigma: Vector) -> Vector:
+    """How far a fit's numbers go to say what else changes what is left, by least squares along the runs, shape (k, c).
+
+    By the runs themselves: a covariance that was widened since would pull numbers that go together apart. Numbers that
+    no run shows stay where they are.
+
+    Args:
+        fit: Its numbers.
+        change: Of what is left, a column each, shape (N, c).
+        sigma: Spread by which it is judged, shape (N,).
+    """
+    shown = np.flatnonzero(fit.shown)
+    moved = np.zeros((len(fit.free), change.shape[1]))
+    moved[shown] = np.linalg.lstsq(fit.slope[:, shown] / sigma[:, None], change / sigma[:, None], rcond=None)[0]
+    return moved
+
+
 def _precision(fit: Refined, own: Sequence[int]) -> Vector:
     """Inverse of the covariance of some numbers, whatever their units."""
     covariance = fit.covariance[np.ix_(own, own)]

@@ -15,7 +15,7 @@ from .fit import Part, spread
 from .model import merged, tables
 from .nuisances import Whitening, tolerance_columns
 from .problem import Problem
-from .refine import Refined, left_with
+from .refine import Refined, left_with, taken_up
 
 
 def with_tolerances(
@@ -38,10 +38,6 @@ def with_tolerances(
     if not beside.shape[1]:
         return fit
     change = whiten(beside - whiten.columns[:, : beside.shape[1]])
-    sigma = spread(left_with(problem, whiten, rows), parts)[:, None]
-    # of numbers that no run shows there is no interval
-    shown = np.flatnonzero(fit.shown)
-    moved = np.zeros((len(fit.free), change.shape[1]))
-    moved[shown] = np.linalg.lstsq(fit.slope[:, shown] / sigma, change / sigma, rcond=None)[0]
+    moved = taken_up(fit, change, spread(left_with(problem, whiten, rows), parts))
     moved[np.setdiff1d(np.arange(len(fit.free)), asked)] = 0.0
     return replace(fit, covariance=fit.covariance + moved @ moved.T)

@@ -127,13 +127,7 @@ def test_an_interval_knows_that_noise_may_hide_what_is_left():
         return Sums(*({"tau": np.full(shape, value)} for value in (square, 100.0, 100.0)))
 
     draws = [sums(square, (DRAWS, 1)) for square in (4900.0, 100.0)]
-    heard = SimpleNamespace(
-        by=lambda: 1.0,
-        known=sums(4900.0),
-        after=sums(100.0),
-        _drawn=draws,
-        _noises=[SimpleNamespace(freedom=lambda name: np.array([2.0]))],
-    )
+    heard = SimpleNamespace(by=lambda: 1.0, known=sums(4900.0), _drawn=draws, _freedom=lambda name: np.array([2.0]))
     heard._gaps_unsure = lambda: _Shrunk._gaps_unsure(heard)
     assert _Shrunk.interval(heard) == (1.0, 1.0)
     low, high = _Shrunk.interval(heard, heard=True)
