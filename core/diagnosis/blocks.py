@@ -81,13 +81,15 @@ class Blocks:
         widths = {name: values.shape[1] for one in residuals for name, values in one.items()}
         kept: tuple[dict[str, list[Vector]], ...] = ({}, {}, {})
         for one, noise, run in zip(residuals, noises, runs, strict=True):
-            sigma, number = noise.sigma, max(1, int(run.t[-1] / BLOCK))
-            place = np.minimum(run.t / run.t[-1] * number, number - 1).astype(np.int64)
+            sigma, t = noise.sigma, run.t[run.judged]
+            number = max(1, int((t[-1] - run.since) / BLOCK))
+            place = np.minimum((t - run.since) / (t[-1] - run.since) * number, number - 1).astype(np.int64)
             for name, width in widths.items():
                 sums = np.zeros((3, number, width))
                 if name in one:
-                    good = np.isfinite(one[name])
-                    np.add.at(sums[0], place, np.where(good, np.square(one[name]), 0.0))
+                    values = one[name][run.judged]
+                    good = np.isfinite(values)
+                    np.add.at(sums[0], place, np.where(good, np.square(values), 0.0))
                     np.add.at(sums[2], place, good.astype(np.float64))
                     sums[1] = sums[2] * np.square(sigma[name])
                 for lists, part in zip(kept, sums, strict=True):

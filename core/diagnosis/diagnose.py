@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -211,18 +211,26 @@ class _Diagnosing:
         answer, why = self._of(runs, holdout)
         if not holdout or not why:
             return answer
-        apart, _ = self._of([*runs, *(part for run in holdout for part in in_parts(run))], ())
+        apart, _ = self._of([*runs, *holdout], (), cut=[run.name for run in holdout])
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return answer
         names = tuple(run.name for run in (*runs, *holdout))
         said = SEEN_APART.format(why=why)
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
-    def _of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> tuple[Diagnosis, str]:
-        """The answer of runs as they are given, and why held-out ones should be fitted in parts; "" if that is vain."""
+    def _of(self, runs: Sequence[Run], holdout: Sequence[Run], *, cut: Collection[str] = ()) -> tuple[Diagnosis, str]:
+        """The answer of runs, and why held-out ones should be fitted in parts; "" if that is vain.
+
+        Args:
+            runs: To fit.
+            holdout: To judge by.
+            cut: Names of those that are cut in time once they are put right; a single run always is.
+        """
         given = known_together([*runs, *holdout])
         notes: list[str] = []
-        ready, before, numerical = self._ready(in_parts(given[0]) if len(given) == 1 else tuple(given), notes)
+        righted, before, numerical = self._ready(given, notes)
+        cut = cut or [run.name for run in given if len(given) == 1]
+        ready = [part for run in righted for part in (in_parts(run) if run.name in cut else (run,))]
         self.tell("what noise and tolerances may do")
         whole = problem(self.database, self.level, ready)
         whiten = whitening(whole)

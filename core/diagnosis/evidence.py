@@ -243,10 +243,11 @@ def coefficients(run: Prepared, values: dict[str, Vector], masks: dict[str, Vect
     fft: Any = import_module("scipy.fft")
 
     m, kept = _transformed(run), len(frequencies_of(run))
+    compared = slice(run.first, run.first + m)
     out: dict[str, list[Vector]] = {}
     for name, series in values.items():
         # a channel's samples beside each other are transformed several times as fast
-        spectrum = np.asarray(fft.dct((series * masks[name])[:m].T.copy(), type=2, norm="ortho", axis=1))
+        spectrum = np.asarray(fft.dct((series * masks[name])[compared].T.copy(), type=2, norm="ortho", axis=1))
         out[name] = list(spectrum[:, :kept])
     return out
 
@@ -259,7 +260,7 @@ def frequencies_of(run: Prepared) -> Vector:
 
 def _transformed(run: Prepared) -> int:
     """How many samples are: the last few of an awkward number would take several times as long as all others."""
-    m = len(run.t)
+    m = len(run.t) - run.first
     return min(range(m - m // FEW, m + 1), key=lambda count: (_largest_factor(count), -count))
 
 
@@ -349,7 +350,7 @@ def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArr
     bridged = {name: run.bridged(name) for name in run.missing}
     for name, series in values.items():
         mask = np.ones(series.shape)
-        mask[: run.edge] = mask[len(mask) - run.edge :] = 0.0
+        mask[: max(run.first, run.edge)] = mask[len(mask) - run.edge :] = 0.0
         if name in ("ee", "ee_rot"):
             mask[bridged[name].any(axis=1) | bridged["q"].any(axis=1)] = 0.0
         else:

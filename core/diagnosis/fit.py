@@ -113,7 +113,7 @@ def blocks(evidence: Evidence) -> list[Part]:
     out: list[Part] = []
     for channel in evidence.channels:
         run = evidence.runs[channel.run]
-        step = 0.5 / (len(run.t) * run.h)
+        step = 0.5 / ((len(run.t) - run.first) * run.h)
         edges = [channel.first + int(np.ceil(edge / step)) for edge in BANDS[:-1]] + [channel.last]
         for a, b in itertools.pairwise(edges):
             first, last = min(a, channel.last), min(b, channel.last)

@@ -94,13 +94,14 @@ def noise_floor(database: Database, level: str, run: Run) -> Noise:
     robot = robot_of(database, level, run)
     sensor, free = _sensor(robot, run)
     off = tolerance_changes(robot, database.tolerance, run)
+    judged = tolerance_times(run) >= run.since
     tolerance: dict[str, Vector] = {}
     heard: dict[str, Vector] = {}
     loose: dict[str, Vector] = {}
     for name, sigma in sensor.items():
         floor = NUMERICAL * np.sqrt(_mean(np.square(run.signals[name]))) if name != "ee_rot" else NUMERICAL
         sensor[name] = np.maximum(sigma, floor)
-        spread = off.get(name)
+        spread = off[name][:, judged] if name in off else None
         size = len(sigma)
         if spread is None or not spread.size:
             tolerance[name], loose[name] = np.zeros(size), np.ones(size)
@@ -143,7 +144,8 @@ def _sensor(robot: Robot, run: Run) -> tuple[dict[str, Vector], dict[str, Vector
         noise = noise_in(run, name)
         size = 3 if name.startswith("ee") else run.n
         sigma[name] = noise.sigma * np.ones(size)
-        samples[name] = _independent(noise, int(np.isfinite(run.signals[name]).any(axis=1).sum())) * np.ones(size)
+        there = np.isfinite(run.signals[name][run.judged]).any(axis=1)
+        samples[name] = _independent(noise, int(there.sum())) * np.ones(size)
     if mode == "pd":
         _add_loop(robot, run, sigma)
     if mode == "torque":

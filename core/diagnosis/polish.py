@@ -468,8 +468,8 @@ def _scatter(
     pulls: list[Vector] = []
     for part, slope, beside, run in zip(loose.without(left), slopes, loose.without(slopes), runs, strict=True):
         normal = normal + np.einsum("mck,mcl->kl", slope, beside)
-        count = max(1, round(run.duration / BLOCK))
-        for rows in np.array_split(np.arange(len(part)), count):
+        count = max(1, round((run.duration - run.since) / BLOCK))
+        for rows in np.array_split(np.flatnonzero(run.judged), count):
             pulls.append(np.einsum("mck,mc->k", beside[rows], part[rows]))
     gathered = np.array(pulls)
     shared = loose.inner @ loose.along(slopes)

@@ -86,6 +86,11 @@ class Prepared:
     moves_below: float = math.inf
 
     @property
+    def first(self) -> int:
+        """The sample from which on the run is compared."""
+        return int(np.searchsorted(self.t, self.run.since))
+
+    @property
     def pace(self) -> float:
         """Up to which frequency [Hz] its motion is told from noise, of what is compared."""
         return min(self.band, self.moves_below)

@@ -66,9 +66,9 @@ def smoothed(run: Run) -> Prepared:
 
 
 def settled(grid: Prepared) -> slice:
-    """Where the filter's ends are no longer felt."""
-    edge = min(SETTLED * grid.edge, len(grid.t) // 4)
-    return slice(edge, len(grid.t) - edge)
+    """What is compared, where the filter's ends are no longer felt."""
+    edge = min(SETTLED * grid.edge, (len(grid.t) - grid.first) // 4)
+    return slice(max(edge, grid.first), len(grid.t) - edge)
 
 
 def resimulated_once(
@@ -171,6 +171,14 @@ def compared(run: Run, robot: Robot) -> dict[str, Vector]:
         run: As read.
         robot: With all that it is thought to have: friction that sticks bears anything where a joint stands.
     """
+    found = _compared(run, robot)
+    return (
+        {name: np.where(run.judged[:, None], values, np.nan) for name, values in found.items()} if run.since else found
+    )
+
+
+def _compared(run: Run, robot: Robot) -> dict[str, Vector]:
+    """The same of all rows."""
     stuck = sticking(robot)
     if mode_of(run) == "motion":
         turns = _loose(smoothed(run), run.t, TURN, stuck)

@@ -25,6 +25,8 @@ Vector = NDArray[np.float64]
 
 # one run is cut into so many parts, more than two each at least this long [s]
 PARTS, SHORTEST_PART = 3, 1.0
+# for so long before a part its rows lead up to it [s]: what rings, sticks or was asked for before acts on
+LEAD = 5.0
 # more runs are left out several at a time
 MOST_FOLDS = 4
 # log evidence that a finding must earn where it was not fitted
@@ -84,18 +86,20 @@ def splits(count: int, held_out: int) -> tuple[Split, ...]:
 
 
 def in_parts(run: Run) -> tuple[Run, ...]:
-    """A run cut in time, in two parts at least, each with stamps from 0."""
+    """A run cut in time, in two parts at least, each with what leads up to it and stamps from 0."""
     count = max(2, min(PARTS, int(run.duration / SHORTEST_PART)))
     edges = np.linspace(0, len(run.t), count + 1).astype(int)
+    begins = np.searchsorted(run.t, run.t[edges[:-1]] - LEAD)
     return tuple(
         replace(
             run,
             name=f"{run.name} ({k + 1} of {count})",
-            t=run.t[a:b] - run.t[a],
-            signals={name: values[a:b] for name, values in run.signals.items()},
+            t=run.t[begin:b] - run.t[begin],
+            signals={name: values[begin:b] for name, values in run.signals.items()},
             left_out=run.left_out if k == 0 else (),
+            since=float(run.t[a] - run.t[begin]),
         )
-        for k, (a, b) in enumerate(pairwise(edges.tolist()))
+        for k, (begin, (a, b)) in enumerate(zip(begins.tolist(), pairwise(edges.tolist()), strict=True))
     )
 
 

@@ -191,7 +191,7 @@ def _bands(channels: Sequence[_Channel], runs: Sequence[Run]) -> tuple[Band, ...
     energy = np.zeros(len(edges) - 1)
     for channel in channels:
         run = runs[channel.run]
-        grid = np.arange(int(run.t[-1] * run.rate) + 1) / run.rate
+        grid = np.arange(int(run.since * run.rate), int(run.t[-1] * run.rate) + 1) / run.rate
         values = np.interp(grid, run.t, bridged(run.t, channel.values))
         length = min(len(values), int(4.0 * run.rate))
         f, density = signal.welch(values, fs=run.rate, nperseg=length, detrend=False)

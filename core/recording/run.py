@@ -60,6 +60,7 @@ class Run:
         beside: Other runs of the same sensors under the same control, by which noise is known better.
         steps: Signal -> what its values were whole multiples of when they were recorded, shape (n,), 0 where of none,
             for signals that were changed since; of others it is found.
+        since: Time from which on it is compared [s]; its rows before that lead up to it.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Run:
     rate: float
     beside: tuple[Run, ...] = ()
     steps: Mapping[str, Vector] = field(default_factory=dict[str, Vector])
+    since: float = 0.0
 
     @property
     def n(self) -> int:
@@ -84,6 +86,11 @@ class Run:
     def duration(self) -> float:
         """From the first to the last row [s]."""
         return float(self.t[-1])
+
+    @property
+    def judged(self) -> NDArray[np.bool_]:
+        """Rows that are compared, shape (m,)."""
+        return self.t >= self.since
 
     def has(self, signal: str) -> bool:
         """Whether the run has a signal at one joint at least."""

@@ -26,11 +26,11 @@ from mbexport.core.diagnosis.other_form import contradicted
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.state import Search, contenders
-from mbexport.core.diagnosis.unseen import Split, Unseen, in_parts, splits
+from mbexport.core.diagnosis.unseen import LEAD, Split, Unseen, in_parts, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
-from .pendulums import friction_free, pendulum_run, ringing_run
+from .pendulums import friction_free, pendulum_run, ringing_run, soft_run
 
 
 def runs(against=None, seeds=(1, 2), **options):
@@ -103,8 +103,8 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     """What is left may be another form of its law."""
     whole = diagnose._Diagnosing._of
 
-    def half(self, seen, holdout):
-        answer, why = whole(self, seen, holdout)
+    def half(self, seen, holdout, **options):
+        answer, why = whole(self, seen, holdout, **options)
         verdict = "partly_explained" if answer.which and not another_form else answer.verdict
         return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4)), why
 
@@ -117,8 +117,8 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
 def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     whole = diagnose._Diagnosing._of
 
-    def fails(self, seen, holdout):
-        answer, why = whole(self, seen, holdout)
+    def fails(self, seen, holdout, **options):
+        answer, why = whole(self, seen, holdout, **options)
         failed = replace(answer, verdict="unexplained", which=(), notes=())
         return (failed, diagnose.UNCONFIRMED) if holdout else (answer, why)
 
@@ -133,9 +133,9 @@ def test_what_no_cause_explains_on_loud_fitted_runs_is_asked_once(monkeypatch):
     """Parts of the held-out run would make it no clearer, and take as long again."""
     asked, whole = [], diagnose._Diagnosing._of
 
-    def once(self, seen, holdout):
+    def once(self, seen, holdout, **options):
         asked.append(len(holdout))
-        return whole(self, seen, holdout)
+        return whole(self, seen, holdout, **options)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", once)
     driven = runs(lambda t, q, dq: 2.0 * math.sin(11.0 * t + 4.0 * math.sin(1.7 * t)))
@@ -236,9 +236,35 @@ def test_one_run_is_judged_in_parts():
     (run,) = runs(seeds=(3,))
     parts = in_parts(run)
     assert len(parts) == 3
-    assert sum(len(part.t) for part in parts) == len(run.t)
+    assert sum(int(part.judged.sum()) for part in parts) == len(run.t)
     assert all(part.t[0] == 0.0 for part in parts)
-    assert np.array_equal(np.concatenate([part.signals["q"] for part in parts]), run.signals["q"])
+    assert np.array_equal(np.concatenate([part.signals["q"][part.judged] for part in parts]), run.signals["q"])
+
+
+def test_what_leads_up_to_a_part_is_as_long_as_anything_acts_on():
+    (run,) = runs(seeds=(3,), duration=24.0)
+    first, second, third = in_parts(run)
+    assert first.since == 0.0
+    assert (second.since, third.since) == (pytest.approx(LEAD, abs=2.0 / run.rate),) * 2
+    assert np.array_equal(third.signals["tau"], run.signals["tau"][-len(third.t) :])
+
+
+def test_what_rings_on_from_one_part_of_a_run_to_the_next_is_no_damping():
+    """Parts that began at rest were said to be damped two hundred times as much."""
+    answer = mbexport.diagnose("pendulum", [soft_run(150.0, 0.02, seed=1)], level="rigid", backends=[])
+    (found,) = answer.which
+    (low, high), (least, most) = (found.parameters[name].ci95 for name in ("stiffness", "damping"))
+    assert (answer.verdict, found.effect) == ("explained", "joint_compliance")
+    assert low < 150.0 < high < 1.01 * low
+    assert 0.015 < least < most < 0.03
+
+
+def test_a_run_is_put_right_before_it_is_cut():
+    """A part of it alone tells less of its stamps, and might tell other ones."""
+    answer = mbexport.diagnose("pendulum", runs(seeds=(1,), late=0.004), level="rigid", backends=[])
+    assert answer.verdict == "no_gap"
+    (said,) = [note for note in answer.notes if "(1.00 samples) after its stamps" in note]
+    assert said.startswith("All that was measured in swing comes")
 
 
 def test_every_run_is_left_out_once():
