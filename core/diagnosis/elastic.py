@@ -30,7 +30,6 @@ def arms_along(
     stiffness: Any,
     damping: Any,
     stiffening: Any,
-    half_gap: Any,
     arm_stiffness: Any,
     arm_rest: Any,
     h: float,
@@ -48,8 +47,7 @@ def arms_along(
         elastic: Indices of the joints with a spring, shape (e,), int64.
         stiffness: Of every joint's spring, shape (n,).
         damping: Of the same.
-        stiffening: Of the same, by the square of its stretch beyond the clearance: T = K s (1 + stiffening s^2).
-        half_gap: Half of its clearance.
+        stiffening: Of the same, by the square of its stretch: T = K s (1 + stiffening s^2).
         arm_stiffness: Of springs on the arms, shape (n,).
         arm_rest: Where these rest.
         h: Time between samples [s].
@@ -68,29 +66,13 @@ def arms_along(
     reduced = np.empty((e, e))
     change = np.empty(e)
     pull = np.empty(e)
-    give = np.empty(e)
     moved = np.empty(e)
     for k in range(m):
         for i in range(n):
             q[k, i] = theta[k, i]
             dq[k, i] = dtheta[k, i]
             ddq[k, i] = ddtheta[k, i]
-    still = np.zeros(n)
-    for _ in range(REST_ITERATIONS):
-        place_joints(chain, q[0], rotation, position)
-        newton_euler(chain, rotation, position, still, still, needed)
-        for a in range(e):
-            i = elastic[a]
-            load = needed[i] + arm_stiffness[i] * (q[0, i] - arm_rest[i])
-            clearance = half_gap[i] if load > 0.0 else -half_gap[i]
-            if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
-                clearance = 0.0
-            stretch = load / stiffness[i]
-            if stiffening[i] > 0.0:
-                # Cardano's root of s + stiffening s^3
-                root = math.sqrt(3.0 * stiffening[i])
-                stretch = 2.0 / root * math.sinh(math.asinh(1.5 * root * stretch) / 3.0)
-            q[0, i] = theta[0, i] - stretch - clearance
+    hang(chain, elastic, stiffness, stiffening, np.zeros(n), arm_stiffness, arm_rest, theta[0], q[0])
     for a in range(e):
         dq[0, elastic[a]] = dtheta[0, elastic[a]]
         ddq[0, elastic[a]] = ddtheta[0, elastic[a]]
@@ -122,31 +104,20 @@ def arms_along(
         mass_matrix_among(chain, elastic, rotation, position, mass)
         for a in range(e):
             moved[a] = 0.0
-        # two passes: the second knows on which side of its clearance each spring ends up
+        # two passes: the second knows how stiff each spring ends up
         for _ in range(2):
             for a in range(e):
                 i = elastic[a]
                 stretch = theta[k, i] - q[k, i]
-                pull[a] = stiffness[i]
-                give[a] = damping[i]
-                rest = 0.0
-                if half_gap[i] > 0.0:
-                    if stretch > half_gap[i]:
-                        rest = half_gap[i]
-                    elif stretch < -half_gap[i]:
-                        rest = -half_gap[i]
-                    else:
-                        pull[a] = 0.0
-                        give[a] = 0.0
-                square = stiffening[i] * (stretch - rest) * (stretch - rest)
-                force = pull[a] * (stretch - rest) * (1.0 + square) + give[a] * (dtheta[k, i] - dq[k, i])
-                pull[a] *= 1.0 + 3.0 * square
+                square = stiffening[i] * stretch * stretch
+                pull[a] = stiffness[i] * (1.0 + 3.0 * square)
+                force = stiffness[i] * stretch * (1.0 + square) + damping[i] * (dtheta[k, i] - dq[k, i])
                 force -= arm_stiffness[i] * (q[k, i] - arm_rest[i])
                 change[a] = force - needed[i]
                 for b in range(e):
                     change[a] -= mass[a, b] * moved[b]
                     reduced[a, b] = mass[a, b]
-                reduced[a, a] += 0.5 * step * give[a] + beta[a] * step * step * (pull[a] + arm_stiffness[i])
+                reduced[a, a] += 0.5 * step * damping[i] + beta[a] * step * step * (pull[a] + arm_stiffness[i])
             factorised(reduced)
             solved(reduced, change)
             for a in range(e):
@@ -155,6 +126,51 @@ def arms_along(
                 ddq[k, i] += change[a]
                 dq[k, i] += 0.5 * step * change[a]
                 q[k, i] += beta[a] * step * step * change[a]
+
+
+def hang(
+    chain: Any,
+    elastic: Any,
+    stiffness: Any,
+    stiffening: Any,
+    half_gap: Any,
+    arm_stiffness: Any,
+    arm_rest: Any,
+    theta: Any,
+    q: Any,
+) -> None:
+    """Where arms rest under gravity behind their springs, and at which side of their clearances.
+
+    Args:
+        chain: The arms, a ChainTable of n joints.
+        elastic: Indices of the joints with a spring, shape (e,), int64.
+        stiffness: Of every joint's spring, shape (n,).
+        stiffening: Of the same, by the square of its stretch beyond the clearance.
+        half_gap: Half of its clearance.
+        arm_stiffness: Of springs on the arms, shape (n,).
+        arm_rest: Where these rest.
+        theta: Motor sides, shape (n,).
+        q: In: where to start from; out: arm sides.
+    """
+    n = len(theta)
+    rotation = np.empty((n, 3, 3))
+    position = np.empty((n, 3))
+    needed = np.empty(n)
+    still = np.zeros(n)
+    for _ in range(REST_ITERATIONS):
+        place_joints(chain, q, rotation, position)
+        newton_euler(chain, rotation, position, still, still, needed)
+        for i in elastic:
+            load = needed[i] + arm_stiffness[i] * (q[i] - arm_rest[i])
+            clearance = half_gap[i] if load > 0.0 else -half_gap[i]
+            if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
+                clearance = 0.0
+            stretch = load / stiffness[i]
+            if stiffening[i] > 0.0:
+                # Cardano's root of s + stiffening s^3
+                root = math.sqrt(3.0 * stiffening[i])
+                stretch = 2.0 / root * math.sinh(math.asinh(1.5 * root * stretch) / 3.0)
+            q[i] = theta[i] - stretch - clearance
 
 
 def mass_matrix_among(chain: Any, some: Any, rotation: Any, position: Any, mass: Any) -> None:

@@ -20,7 +20,7 @@ from .found import Found, rows_of
 from .gap import LEVEL
 from .model import robot_of
 from .noise import Noise, noise_floor
-from .resimulate import compared, residuals, resimulated
+from .resimulate import compared, mode_of, rattles, residuals, resimulated
 
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]
@@ -107,6 +107,7 @@ def how_far(
             return None
 
     whole = list(range(len(names)))
+    mended = [robot_of(database, level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
     steps = [simulated([], backend)]
     partly = [some(whole[:k]) for k in whole[1:]]
     for step in partly:
@@ -122,6 +123,9 @@ def how_far(
     if any(run.locked for run in runs):
         # held against inverse dynamics along their motion
         refused = dict.fromkeys(backends or (backend,), "no engine holds the joints that are clamped in these runs")
+    elif any(mode_of(run) == "unknown" and rattles(robot) for run, robot in zip(runs, mended, strict=True)):
+        why = "engines that move motors as they were seen to go let arms hit them like walls"
+        refused = dict.fromkeys(backends or (backend,), why)
     elif backend in backends or not backends:
         engines[backend] = steps[0], steps[-1]
     for engine in (engine for engine in backends if engine != backend and engine not in refused):

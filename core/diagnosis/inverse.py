@@ -19,7 +19,7 @@ from ..representation import Drive, FrictionModel, Robot, Sensor
 from ..simulation.compiled import as_it_stands, compile_text, uses_load
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
-from . import along, elastic
+from . import along, elastic, play
 from .beyond import Beyond, cut_softly, knees, of_joints, of_springs, places
 from .prepare import Prepared
 
@@ -64,10 +64,11 @@ def _compiled(name: str) -> Any:
         rigid_body.place_joints,
         rigid_body.newton_euler,
         rigid_body.carry_wrench,
+        elastic.hang,
         elastic.mass_matrix_among,
     ):
         as_it_stands(helper)
-    module = next(module for module in (along, elastic, rigid_body) if hasattr(module, name))
+    module = next(module for module in (along, elastic, play, rigid_body) if hasattr(module, name))
     return compile_text(getattr(module, name))
 
 
@@ -176,11 +177,15 @@ class _Moved:
 
 
 def _bodies(robot: Robot) -> Robot:
-    """The robot without what moves no body where its motors' motion is given: friction, rotors, gains, limits."""
+    """The robot without what moves no body where its motors' motion is given: friction, rotors, gains, limits.
+
+    But for rotors before a clearance, which are pushed away when an arm hits their side.
+    """
     stages = tuple(
         replace(
             stage,
             drive=Drive(
+                inertia=stage.drive.inertia if stage.drive.spring and stage.drive.spring.gap else 0.0,
                 spring=stage.drive.spring,
                 terms=tuple(term for term in stage.drive.terms if term.kind == "error"),
                 arm_springs=stage.drive.arm_springs if stage.drive.spring else (),
@@ -402,36 +407,26 @@ def _arms(
     stiffness = np.array([spring.stiffness if spring else 1.0 for spring in springs])
     damping = np.array([spring.damping if spring else 0.0 for spring in springs])
     half_gap = np.array([0.5 * spring.gap if spring else 0.0 for spring in springs])
-    own = np.diagonal(arms.mass_matrix(theta[:1])[0])
-    # a contact that the record cannot follow would throw the arm back harder than it came
-    most = np.where(half_gap > 0.0, own * elastic.FOLLOWED / run.h**2, math.inf)
-    damping = np.where(
-        stiffness > most, np.maximum(damping, 2.0 * np.abs(own) * math.sqrt(elastic.FOLLOWED) / run.h), damping
-    )
-    hard, stiffness = stiffness, np.minimum(stiffness, most)
     pull = [[(s.stiffness, s.stiffness * s.rest) for s in stage.drive.arm_springs] for stage in robot.stages]
     arm_stiffness = np.array([sum(k for k, _ in entries) for entries in pull], dtype=float)
     moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
     arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
     q, dq, ddq = (np.empty_like(theta) for _ in range(3))
+    given, found = (theta, dtheta, ddtheta), (q, dq, ddq)
+    on_arms, some = (arm_stiffness, arm_rest), np.flatnonzero(soft)
+    loose = soft & (half_gap > 0.0)
+    hard = stiffness
+    imposed = run.run.control.mode == "motion"
+    rotors = np.array([math.inf if imposed else stage.drive.inertia for stage in robot.stages])
     try:
-        _compiled("arms_along")(
-            arms.table,
-            np.flatnonzero(soft),
-            stiffness,
-            damping,
-            stiffening,
-            half_gap,
-            arm_stiffness,
-            arm_rest,
-            run.h,
-            theta,
-            dtheta,
-            ddtheta,
-            q,
-            dq,
-            ddq,
-        )
+        if loose.any():
+            own = np.abs(np.diagonal(arms.mass_matrix(theta[:1])[0]))
+            finer, stiffness = play.finer_steps(stiffness, own, loose, run.h)
+            thrown, holds = play.rebounding(stiffness, damping, own, rotors)
+            springs_there = (stiffness, np.where(loose, thrown, damping), stiffening, half_gap, holds)
+            _compiled("arms_across")(arms.table, some, *springs_there, *on_arms, finer, run.h, *given, *found)
+        else:
+            _compiled("arms_along")(arms.table, some, stiffness, damping, stiffening, *on_arms, run.h, *given, *found)
     except ZeroDivisionError:
         # nothing between two springs is an arm that no motion is known of
         q, dq, ddq = (np.full_like(theta, np.nan) for _ in range(3))

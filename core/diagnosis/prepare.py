@@ -105,6 +105,14 @@ class Prepared:
         return widened(self.missing[name], self.edge)
 
 
+def filtered(run: Prepared, values: Vector) -> Vector:
+    """Values on a run's grid (m, n) behind the filter that what was measured is behind."""
+    signal: Any = import_module("scipy.signal")
+
+    corner = min(run.band / KEPT, 0.45 / run.h)
+    return np.asarray(signal.sosfiltfilt(signal.butter(ORDER, corner, fs=1.0 / run.h, output="sos"), values, axis=0))
+
+
 def widened(flags: Mask, samples: float) -> Mask:
     """Flags (m, n) with so many samples before and after them."""
     ndimage: Any = import_module("scipy.ndimage")

@@ -53,6 +53,9 @@ SHORTEST_PART = 0.05
 # numbers that a turn leaves what they are, beside phases
 _ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta", "beta")}
 BEARING = "joint_compliance_6d"
+PLAY = "backlash"
+# how wide play may be, as parts of what a fit came to
+ABOUT = np.geomspace(0.9, 1.1, 11).tolist()
 # what a bearing's direction must add to the log evidence not to be rigid
 GIVES = 1.0
 # one standard deviation of a number that no run shows, in its size
@@ -214,6 +217,26 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     if whole is best.rows or all(whole[key] is row for key, row in best.rows.items()):
         return best
     return replace(best, rows=whole, left=left_with(problem, whiten, tables(whole)))
+
+
+def at_its_width(
+    problem: Problem, whiten: Whitening, found: Sequence[Found], fit: Refined, parts: Sequence[Part], at: int
+) -> Refined:
+    """The fit with play at a joint as wide as leaves least of some widths about its own, where that leaves less.
+
+    What leads down to the truth is a narrow well where arms bounce.
+    """
+    key = PLAY, at
+    row = fit.rows[key]
+    widths = [EffectRow(at, {**row.values, "gap": row.values["gap"] * part}) for part in ABOUT]
+    left = [left_with(problem, whiten, tables({**fit.rows, key: width})) for width in widths]
+    energies = [float(one @ one) for one in left]
+    best = int(np.argmin(energies))
+    if energies[best] >= float(fit.left @ fit.left):
+        return fit
+    rows = {**fit.rows, key: widths[best]}
+    other = refined(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
+    return min(fit, other, key=lambda one: float(one.left @ one.left))
 
 
 def stiffened(

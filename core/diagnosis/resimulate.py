@@ -26,7 +26,7 @@ from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
 from .evidence import creep_of, sticking
 from .inverse import STANDS, arms_along, said
-from .prepare import Prepared, prepared, widened
+from .prepare import Prepared, filtered, prepared, widened
 from .sensed import noise_in
 
 Vector = NDArray[np.float64]
@@ -85,7 +85,8 @@ def resimulated_once(
     Mode pd and motion: begun at rest, or from the measured state where the run plainly begins otherwise. Mode torque:
     in windows of half a second, each begun from the smoothed measured state, NaN before the first. Mode unknown: as
     mode motion, with the measured positions behind a zero-phase filter, the torque as motors are asked for it. Clamped
-    joints, which no engine holds: inverse dynamics along the measured motion.
+    joints, which no engine holds, and in mode unknown play, whose arms would hit motors as if these were walls: inverse
+    dynamics along the measured motion.
 
     Args:
         robot: With all that it is thought to have.
@@ -109,10 +110,14 @@ def resimulated_once(
         return _in_windows(robot, run, backend, step)
     if mode == "unknown":
         grid = smoothed(run)
-        if run.locked:
+        if run.locked or rattles(robot):
             speech = said(robot, grid, nominal, creep_of(grid))
             acts = {"tau": run.t + 0.5 * run.control.held, "tau_link": run.t}
-            return {name: _between(grid.t, getattr(speech, name), at) for name, at in acts.items() if run.has(name)}
+            heard = {name: getattr(speech, name) for name in acts if run.has(name)}
+            if not run.locked:
+                # of a blow what was measured has only what is left behind its filter
+                heard = {name: filtered(grid, values) for name, values in heard.items()}
+            return {name: _between(grid.t, values, acts[name]) for name, values in heard.items()}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
         return _asked_for(robot, run, _simulated(robot, nominal, run, backend, law, control, None, step))
     if mode == "motion":
@@ -120,6 +125,12 @@ def resimulated_once(
     # the tick of a last row that is stamped a little early is behind the table's end, where a command would stop
     law = run.motion().going_on(2.0 / min(run.control.rate, run.rate))
     return _simulated(robot, nominal, run, backend, law, run.control, start_of(robot, begun or run), step)
+
+
+def rattles(robot: Robot) -> bool:
+    """Whether an arm may fly across a clearance."""
+    springs = (stage.drive.spring for stage in robot.stages)
+    return any(spring is not None and spring.gap > 0.0 for spring in springs)
 
 
 @lru_cache(maxsize=32)

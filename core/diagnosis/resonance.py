@@ -24,8 +24,9 @@ from .scales import Scales
 LEAST, MOST, STEPS = 3.0e-4, 0.1, 20
 # of the critical damping: what rings long is near at its own stiffness only
 DAMPED = 0.1
-# how wide play is [rad or m], each so many times the last, and up to which part of its joint's way
-NARROW, WIDE, WIDTHS, WIDEST = 1.0e-4, 5.0e-2, 13, 0.5
+# how wide play is [rad or m], each so many times the last, and up to which part of its joint's way; and how many times
+# as many are tried where a gap is loudest, for an arm that bounces is near the truth within a tenth of its width only
+NARROW, WIDE, WIDTHS, WIDEST, FINER = 1.0e-4, 5.0e-2, 13, 0.5, 5
 # of springs that stiffen, by what part of itself one is stiffer at its root mean square stretch
 HARDER = (0.3, 1.0, 3.0)
 # what turns, by effect, and what damps it
@@ -78,7 +79,9 @@ def _spring(name: str, at: int, columns: tuple[str, ...], stiffness: float, iner
     return Hypothesis(name, at, f"{stiffness:.3g}", values, one, -np.inf * one, alone=False, curved=True)
 
 
-def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) -> list[Hypothesis]:
+def clearances(
+    problem: Problem, rows: Rows, skip: Collection[tuple[str, int]], loud: Collection[int] = ()
+) -> list[Hypothesis]:
     """Play at every joint that may have some beside these rows, from narrow to wide, but for what to skip.
 
     Where an arm flies from one side of it to the other says nothing of where it does in a narrower one.
@@ -87,6 +90,7 @@ def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) 
         problem: The question.
         rows: What was found.
         skip: Effects and numbers of places.
+        loud: Numbers of joints at which widths are tried finely.
     """
     gives = ("backlash", "joint_compliance")
     ways = problem.way()
@@ -96,7 +100,8 @@ def clearances(problem: Problem, rows: Rows, skip: Collection[tuple[str, int]]) 
         if there or ("backlash", at) in skip or clamped(problem, at):
             continue
         widest = WIDEST * float(ways[at - 1])
-        out += [_clearance(at, gap) for gap in np.geomspace(NARROW, WIDE, WIDTHS).tolist() if gap < widest]
+        count = FINER * (WIDTHS - 1) + 1 if at in loud else WIDTHS
+        out += [_clearance(at, gap) for gap in np.geomspace(NARROW, WIDE, count).tolist() if gap < widest]
     return out
 
 

@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 RINGS, HINTS = 0.3, 0.0025
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1
+# at how many of the loudest joints the widths of play are tried finely
+LOUDEST = 3
 
 
 def one_spring(state: Search, parts: Sequence[Part]) -> None:
@@ -110,7 +112,7 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
         return []
     rows, out = rows_of(state.found), {*state.out, *skip}
     options = springs(state.problem, rows, state.scales, out)
-    straight, wide = _rung(state, options), _rung(state, clearances(state.problem, rows, out))
+    straight, wide = _rung(state, options), _rung(state, clearances(state.problem, rows, out, _loudest(state)))
     rung = [*straight, *wide]
     gives, rings = _taken(state, rung) >= HINTS * loud, _taken(state, straight) >= RINGS * loud
     if gives and not (rings or state.found or _much_by_one(state)):
@@ -135,6 +137,15 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     good = [one for one in good if one.earns] or ([] if state.found else good)
     winner = best_tried(state, good, good, parts, rings=True)
     return [winner] if winner else []
+
+
+def _loudest(state: Search) -> list[int]:
+    """Numbers of the joints at whose own channels most is left."""
+    total = np.zeros(state.problem.database.n)
+    for channel in state.problem.evidence.channels:
+        if not channel.signal.startswith("ee"):
+            total[channel.index] += energy_of(state.left[channel.first : channel.last])
+    return [int(i) + 1 for i in np.argsort(-total, kind="stable")[:LOUDEST]]
 
 
 def _taken(state: Search, rung: Sequence[tuple[Hypothesis, Vector]]) -> float:

@@ -13,7 +13,7 @@ from .contender import DEARER, THRESHOLD, Contender, found_of
 from .fit import Part, energy_of, gained, spread
 from .found import Found, rows_of
 from .other_laws import beyond_catalogue
-from .refine import Refined, refined
+from .refine import PLAY, Refined, at_its_width, refined
 from .state import Search
 
 # others are names of the same finding where their evidence is so near
@@ -50,6 +50,8 @@ def best_tried(
         item = found_of(contender, rows)
         trial = [*state.found, item]
         fit = refined(state.problem, state.whiten, trial, parts)
+        if item.effect == PLAY:
+            fit = at_its_width(state.problem, state.whiten, trial, fit, parts, item.at)
         fit = beyond_catalogue(state.problem, state.whiten, trial, fit, parts, item, energy_of(state.left))
         tried[id(contender)] = (contender, item, fit)
         if not state.found:

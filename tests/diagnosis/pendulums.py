@@ -266,3 +266,44 @@ def ringing_run(stiffness: float, damping: float, rotor: float, *, seed: int = 0
     } | {"q_cmd": q_cmd[:, None], "dq_cmd": dq_cmd[:, None]}
     stated = {name: np.array([NOISE[name]]) for name in names}
     return Run("swing", ticks, signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), 1000.0)
+
+
+def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3.0, rate: float = 500.0) -> Run:
+    """What the sensors say of a weightless pendulum behind play, whose motor is controlled; contacts as effects.md has.
+
+    Args:
+        gap: The whole clearance [rad].
+        rotor: The motor's moment of inertia [kg m^2].
+        seed: Of the noise.
+        duration: [s].
+        rate: Of the record [Hz].
+    """
+    ticks = np.arange(round(duration * 1000) + 1) / 1000.0
+    q_cmd, dq_cmd, _ = command(ticks)
+    both = rotor * INERTIA / (rotor + INERTIA)
+    stiffness = both * (2.0 * math.pi * 500.0) ** 2
+    damping = 2.0 * 0.15 * math.sqrt(stiffness * both)
+    parts = 40
+    h = 1.0e-3 / parts
+    q = dq = theta = dtheta = 0.0
+    rows = np.empty((len(ticks), 3))
+    for k in range(len(ticks)):
+        held = KP * (q_cmd[k] - theta) + KD * (dq_cmd[k] - dtheta)
+        rows[k] = theta, held, q
+        for _ in range(parts):
+            stretch = theta - q
+            beyond = math.copysign(max(abs(stretch) - 0.5 * gap, 0.0), stretch)
+            push = stiffness * beyond + damping * (dtheta - dq) if beyond else 0.0
+            passed = push if push * beyond > 0.0 else 0.0
+            dtheta += h * (held - passed) / rotor
+            dq += h * passed / INERTIA
+            theta, q = theta + h * dtheta, q + h * dq
+    every = round(1000.0 / rate)
+    random = np.random.default_rng(seed)
+    names = ("q", "tau", "q_link")
+    signals = {
+        name: (column + NOISE[name] * random.normal(size=len(ticks)))[::every, None]
+        for name, column in zip(names, rows.T, strict=True)
+    } | {"q_cmd": q_cmd[::every, None], "dq_cmd": dq_cmd[::every, None]}
+    stated = {name: np.array([NOISE[name]]) for name in names}
+    return Run("swing", ticks[::every], signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), rate)

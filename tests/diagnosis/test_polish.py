@@ -194,9 +194,8 @@ def test_few_blocks_of_time_know_little_of_how_they_scatter(seconds, t):
     left, slope = RANDOM.normal(size=(400, 1)), np.ones((400, 1, 1))
     pulls = np.array([np.sum(part) for part in np.array_split(left, round(2.0 * seconds))])
     there = np.sum(pulls**2) * len(pulls) / (len(pulls) - 1) / 400.0**2
-    said = _scatter(
-        _Loose.of([np.zeros((400, 1, 0))]), [left], [slope], [SimpleNamespace(duration=seconds)], np.zeros(1)
-    )
+    run = SimpleNamespace(duration=seconds, since=0.0, judged=np.ones(400, dtype=bool))
+    said = _scatter(_Loose.of([np.zeros((400, 1, 0))]), [left], [slope], [run], np.zeros(1))
     assert math.sqrt(said[0] / there) == pytest.approx(t / 1.95996, rel=1e-4)
 
 
