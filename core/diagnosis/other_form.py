@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..effects import EffectRow
 from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave
+from .found import Found
 from .gap import SHOWS_IN_BAND
 from .held import LITTLE, MOST_LEFT, Held
 from .judge import Judge
+from .refine import ABOUT, PLAY
 from .unseen import OTHER_FORM, Along, Bent, along, bent
 
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
@@ -47,8 +53,27 @@ def contradicted(judge: Judge, held: Held) -> Along | None:
     if not held.found or not held.adequate or judge.by_bands or held.rings:
         return None
     left = along(judge.whole, judge.whiten, held.found, judge.ways)
-    if left.share * held.unseen.beyond < CONTRADICTS or left.loudest < SHOWS_IN_BAND:
+    if _speaks_against(left, held):
+        others = (along(judge.whole, judge.whiten, found, judge.ways) for found in _of_other_widths(held.found))
+        left = min((left, *others), key=lambda one: one.share)
+    if not _speaks_against(left, held):
         return None
     rows = [[item.row for item in held.found] for _ in judge.ways]
     form = bent(judge.whole, judge.whiten, held.found, judge.ways, rows)
     return None if form and form.leaves < MOST_LEFT else left
+
+
+def _speaks_against(left: Along, held: Held) -> bool:
+    """Whether so much is left along the motion that it contradicts."""
+    return left.share * held.unseen.beyond >= CONTRADICTS and left.loudest >= SHOWS_IN_BAND
+
+
+def _of_other_widths(found: Sequence[Found]) -> list[list[Found]]:
+    """Findings with their play a little narrower or wider: of an arm that bounces no motion tells the width exactly."""
+
+    def of(item: Found, part: float) -> Found:
+        values = item.row.values
+        return replace(item, row=EffectRow(item.at, {**values, "gap": values["gap"] * part}))
+
+    widths = ABOUT if any(item.effect == PLAY for item in found) else ()
+    return [[of(item, part) if item.effect == PLAY else item for item in found] for part in widths]

@@ -64,7 +64,7 @@ def rebounding(stiffness: Vector, damping: Vector, arm: Vector, motor: Vector) -
     ratios = np.linspace(0.0, MOST_DAMPED, 400)
     known = thrown_back(ratios)
     back = np.interp(damping / (2.0 * np.sqrt(stiffness * np.maximum(part * arm, 1e-300))), ratios, known)
-    seen = part * (1.0 + back) / (1.0 - 0.5 * (1.0 - part) * (1.0 + back)) - 1.0
+    seen = part * (1.0 + back) / np.maximum(1.0 - 0.5 * (1.0 - part) * (1.0 + back), 1e-300) - 1.0
     return 2.0 * np.interp(-seen, -known, ratios) * np.sqrt(stiffness * arm), part < 0.5
 
 

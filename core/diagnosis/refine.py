@@ -55,7 +55,7 @@ _ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta",
 BEARING = "joint_compliance_6d"
 PLAY = "backlash"
 # how wide play may be, as parts of what a fit came to
-ABOUT = np.geomspace(0.9, 1.1, 11).tolist()
+ABOUT: tuple[float, ...] = tuple(np.geomspace(0.9, 1.1, 11).tolist())
 # what a bearing's direction must add to the log evidence not to be rigid
 GIVES = 1.0
 # one standard deviation of a number that no run shows, in its size

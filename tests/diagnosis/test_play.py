@@ -2,16 +2,30 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from pendulums import INERTIA, rattling_run
 from scipy.integrate import solve_ivp
 
-from mbexport.core.database import load
-from mbexport.core.diagnosis import inverse, play
+from mbexport.core.control import Control
+from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis import inverse, other_form, play
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found, rows_of
+from mbexport.core.diagnosis.how_far import Fold, how_far
+from mbexport.core.diagnosis.hypothesis import defaults
+from mbexport.core.diagnosis.judge import Judge
+from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.play import finer_steps, thrown_back
 from mbexport.core.diagnosis.problem import problem
+from mbexport.core.diagnosis.refine import Refined, at_its_width, left_with
+from mbexport.core.diagnosis.resonance import clearances
+from mbexport.core.diagnosis.ringing import _loudest, one_that_rings
+from mbexport.core.diagnosis.scales import scales_of
+from mbexport.core.diagnosis.state import Search
+from mbexport.core.diagnosis.unseen import splits
 from mbexport.core.effects import EffectRow
 
 GAP = 0.01
@@ -73,3 +87,72 @@ def test_contacts_are_followed_in_steps_and_softer_where_these_would_be_too_many
     assert steps == 128
     assert followed[2] == pytest.approx((0.25 * 128 / 0.002) ** 2)
     assert followed[:2].tolist() == stiffness[:2].tolist()
+
+
+@pytest.fixture(scope="module")
+def rattles():
+    """Two runs of an arm behind a motor four times as heavy, and the question they put to a robot with that rotor."""
+    rotor = 4.0 * INERTIA
+    robot = replace(UPRIGHT, effects=FrozenMap({"rotor_inertia": (EffectRow(1, FrozenMap({"inertia": rotor})),)}))
+    runs = [rattling_run(GAP, rotor, seed=seed) for seed in (1, 2)]
+    return robot, runs, problem(robot, "full", runs)
+
+
+def play_of(gap):
+    return Found("backlash", 1, EffectRow(1, FrozenMap(defaults("backlash") | {"gap": gap})), 50.0)
+
+
+def test_a_fit_of_play_that_is_caught_beside_the_truth_comes_out_at_it(rattles):
+    _, _, asked = rattles
+    whiten, parts, beside = whitening(asked), blocks(asked.evidence), play_of(1.09 * GAP)
+    there = rows_of([beside])
+    caught = Refined({("backlash", 1): beside.row}, left_with(asked, whiten, there), (), np.zeros((0, 0)), (), ())
+    fit = at_its_width(asked, whiten, [beside], caught, parts, 1)
+    assert fit.rows["backlash", 1].values["gap"] == pytest.approx(GAP, rel=0.01)
+    assert fit.left @ fit.left < 0.2 * caught.left @ caught.left
+    assert at_its_width(asked, whiten, [replace(beside, row=fit.rows["backlash", 1])], fit, parts, 1) is fit
+
+
+def test_widths_are_tried_finely_where_most_is_left(rattles):
+    _, _, asked = rattles
+    state = Search(asked, whitening(asked), scales=scales_of(asked, {}))
+    state.begin()
+    assert _loudest(state) == [1]
+    coarse, fine = clearances(asked, {}, ()), clearances(asked, {}, (), [1])
+    assert (len(coarse), len(fine)) == (13, 61)
+    (play,) = one_that_rings(state, blocks(asked.evidence), ())
+    assert (play.effect, play.row.values["gap"]) == ("backlash", pytest.approx(GAP, rel=0.01))
+
+
+def test_the_measured_motion_does_not_speak_against_play_that_is_a_little_wider(rattles, monkeypatch):
+    robot, runs, asked = rattles
+    ways = splits(2, 1)
+    judge = Judge(robot, "full", "mjcf", ["mjcf"], lambda _: None, asked, whitening(asked), ways, runs)
+    monkeypatch.setattr(other_form, "CONTRADICTS", 0.01)
+
+    def against(gap):
+        held = SimpleNamespace(found=(play_of(gap),), adequate=True, unseen=SimpleNamespace(beyond=1.0), rings=False)
+        return other_form.contradicted(judge, held)
+
+    assert against(GAP) is None
+    assert against(1.07 * GAP) is None
+    assert against(1.5 * GAP) is not None
+    monkeypatch.setattr(other_form, "ABOUT", ())
+    assert against(1.07 * GAP) is not None
+
+
+def test_where_nothing_is_known_of_a_controller_play_is_judged_along_the_motion(rattles):
+    """An engine that moves the motor as it was seen to go lets the arm hit it like a wall."""
+    robot, (run, _), _ = rattles
+    unknown = replace(
+        run,
+        signals={name: values for name, values in run.signals.items() if name not in ("q_cmd", "dq_cmd", "q_link")},
+        control=Control("unknown"),
+    )
+    row = play_of(GAP).row
+    folds = [Fold((Found("backlash", 1, row, 50.0),), (unknown,), {})]
+    answer, _ = how_far(robot, "full", folds, "mjcf", ["mjcf", "exudyn"])
+    assert answer.shrinks_by > 0.7
+    assert answer.backends == {}
+    assert sorted(answer.refused) == ["exudyn", "mjcf"]
+    assert all("walls" in why for why in answer.refused.values())
