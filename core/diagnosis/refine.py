@@ -37,6 +37,8 @@ ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
 # factors on what a drive is said to do, and how far from 1 they may be
 _FACTORS = (("controller_gain", "kp"), ("controller_gain", "kd"), ("torque_constant", "gain"))
 MOST_TIMES = 20.0
+# what both gains together, or what they make of noise, come to at least
+LEAST_GAIN = MOST_TIMES**-2
 # of the speed below which a joint counts as standing: the least speed that friction can be told to vanish with
 SLOWEST = 2.0
 # and the largest, as part of the fastest that the joint goes
@@ -370,7 +372,9 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
         if gains and asked:
             here = left[channel.first : channel.last]
             square = float(np.mean(here**2))
-            noise, part = min(asked.noise(*gains), 1.0), gains[0] * gains[1]
+            # one that asks for nothing, as a gain that was moved may, counts as one that asks for next to nothing
+            noise = min(max(asked.noise(*gains), LEAST_GAIN), 1.0)
+            part = max(gains[0] * gains[1], LEAST_GAIN)
             counts = 1.0 + (square / noise - 1.0) / part if square > noise else square / noise
             here *= math.sqrt(counts / max(square, 1e-300))
     return left

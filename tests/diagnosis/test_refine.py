@@ -79,6 +79,9 @@ def test_a_controller_that_does_nothing_explains_nothing():
         return sum(float(np.sum(left[c.first : c.last] ** 2)) for c in asked.evidence.channels if c.signal == "u")
 
     assert asks(0.05) > 2.0 * asks(1.0)
+    # a gain that another takes the place of may be moved to nothing
+    assert math.isfinite(asks(0.0))
+    assert asks(0.0) > 0.9 * asks(0.05)
 
 
 def test_what_swings_itself_to_pieces_is_a_number_still(monkeypatch):
