@@ -87,8 +87,9 @@ def splits(count: int, held_out: int) -> tuple[Split, ...]:
 
 def in_parts(run: Run) -> tuple[Run, ...]:
     """A run cut in time, in two parts at least, each with what leads up to it and stamps from 0."""
-    count = max(2, min(PARTS, int(run.duration / SHORTEST_PART)))
-    edges = np.linspace(0, len(run.t), count + 1).astype(int)
+    count = max(2, min(PARTS, int((run.duration - run.since) / SHORTEST_PART)))
+    # of a part only what is compared there: the rest is for others to judge
+    edges = np.linspace(np.argmax(run.judged), len(run.t), count + 1).astype(int)
     begins = np.searchsorted(run.t, run.t[edges[:-1]] - LEAD)
     return tuple(
         replace(

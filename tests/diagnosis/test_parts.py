@@ -54,6 +54,15 @@ def test_what_leads_up_to_a_part_is_not_compared(mode):
     assert [band.share for band in after.where.bands] == pytest.approx([band.share for band in before.where.bands])
 
 
+def test_a_part_that_is_cut_itself_keeps_what_is_others_to_judge():
+    first, second = in_parts(pendulum_run(seed=1, duration=1.8))
+    inner = in_parts(second)
+    assert sum(int(part.judged.sum()) for part in inner) == second.judged.sum()
+    rows = np.concatenate([part.signals["tau"][part.judged] for part in inner])
+    assert np.array_equal(rows, second.signals["tau"][second.judged])
+    assert not np.isin(first.signals["tau"], rows).any()
+
+
 def test_a_part_has_as_many_blocks_of_time_as_it_lasts():
     part = in_parts(pendulum_run(seed=1))[2]
     blocks = Blocks.of([left_of(part)], [noise_floor(PENDULUM, "rigid", part)], [part])
