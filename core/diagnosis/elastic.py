@@ -9,12 +9,15 @@ thousandth of a period is many times the noise.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kinematics.rigid_body import ChainTable, newton_euler, place_joints
 from ..simulation.drive_law import factorised, solved
+
+Vector = NDArray[np.float64]
 
 # the state of rest is found by so many steps of a fixed point
 REST_ITERATIONS = 50
@@ -24,39 +27,43 @@ NO_LOAD = 1e-6
 FOLLOWED = 1.0
 
 
+class SpringTable(NamedTuple):
+    """Springs between motor sides and arms as arrays, SI; those of n joints, shapes (n,).
+
+    Attributes:
+        stiffness, damping: Of the drives' springs.
+        stiffening: By the square of a spring's stretch s beyond its clearance: T = K s (1 + stiffening s^2).
+        half_gap: Half of the clearance.
+        holds: Whether the damper pulls; across a clearance no other does.
+        arm_stiffness: Of springs on the arms.
+        arm_rest: Where these rest.
+    """
+
+    stiffness: Vector
+    damping: Vector
+    stiffening: Vector
+    half_gap: Vector
+    holds: NDArray[np.bool_]
+    arm_stiffness: Vector
+    arm_rest: Vector
+
+
 def arms_along(
-    chain: Any,
-    elastic: Any,
-    stiffness: Any,
-    damping: Any,
-    stiffening: Any,
-    arm_stiffness: Any,
-    arm_rest: Any,
-    h: float,
-    theta: Any,
-    dtheta: Any,
-    ddtheta: Any,
-    q: Any,
-    dq: Any,
-    ddq: Any,
-) -> None:
+    chain: Any, elastic: Any, springs: SpringTable, h: float, theta: Any, dtheta: Any, ddtheta: Any
+) -> tuple[Any, Any, Any]:
     """Motion of the arms that a recorded motion of the motor sides makes; rigid joints follow it.
 
     Args:
         chain: The arms, a ChainTable of n joints.
         elastic: Indices of the joints with a spring, shape (e,), int64.
-        stiffness: Of every joint's spring, shape (n,).
-        damping: Of the same.
-        stiffening: Of the same, by the square of its stretch: T = K s (1 + stiffening s^2).
-        arm_stiffness: Of springs on the arms, shape (n,).
-        arm_rest: Where these rest.
+        springs: None of these with a clearance.
         h: Time between samples [s].
         theta: Motor sides (with transmission errors), shape (m, n).
         dtheta: Their speeds.
         ddtheta: Their accelerations.
-        q: Out: arm sides, shape (m, n); they begin at rest under gravity.
-        dq: Out: their speeds.
-        ddq: Out: their accelerations.
+
+    Returns:
+        Arm sides, their speeds and accelerations, shapes (m, n); they begin at rest under gravity.
     """
     m, n = theta.shape
     e = len(elastic)
@@ -67,12 +74,10 @@ def arms_along(
     change = np.empty(e)
     pull = np.empty(e)
     moved = np.empty(e)
-    for k in range(m):
-        for i in range(n):
-            q[k, i] = theta[k, i]
-            dq[k, i] = dtheta[k, i]
-            ddq[k, i] = ddtheta[k, i]
-    hang(chain, elastic, stiffness, stiffening, np.zeros(n), arm_stiffness, arm_rest, theta[0], q[0])
+    stiffness, damping, stiffening = springs.stiffness, springs.damping, springs.stiffening
+    arm_stiffness, arm_rest = springs.arm_stiffness, springs.arm_rest
+    q, dq, ddq = theta.copy(), dtheta.copy(), ddtheta.copy()
+    hang(chain, elastic, springs, theta[0], q[0])
     for a in range(e):
         dq[0, elastic[a]] = dtheta[0, elastic[a]]
         ddq[0, elastic[a]] = ddtheta[0, elastic[a]]
@@ -126,29 +131,16 @@ def arms_along(
                 ddq[k, i] += change[a]
                 dq[k, i] += 0.5 * step * change[a]
                 q[k, i] += beta[a] * step * step * change[a]
+    return q, dq, ddq
 
 
-def hang(
-    chain: Any,
-    elastic: Any,
-    stiffness: Any,
-    stiffening: Any,
-    half_gap: Any,
-    arm_stiffness: Any,
-    arm_rest: Any,
-    theta: Any,
-    q: Any,
-) -> None:
+def hang(chain: Any, elastic: Any, springs: SpringTable, theta: Any, q: Any) -> None:
     """Where arms rest under gravity behind their springs, and at which side of their clearances.
 
     Args:
         chain: The arms, a ChainTable of n joints.
         elastic: Indices of the joints with a spring, shape (e,), int64.
-        stiffness: Of every joint's spring, shape (n,).
-        stiffening: Of the same, by the square of its stretch beyond the clearance.
-        half_gap: Half of its clearance.
-        arm_stiffness: Of springs on the arms, shape (n,).
-        arm_rest: Where these rest.
+        springs: Of all joints.
         theta: Motor sides, shape (n,).
         q: In: where to start from; out: arm sides.
     """
@@ -161,14 +153,14 @@ def hang(
         place_joints(chain, q, rotation, position)
         newton_euler(chain, rotation, position, still, still, needed)
         for i in elastic:
-            load = needed[i] + arm_stiffness[i] * (q[i] - arm_rest[i])
-            clearance = half_gap[i] if load > 0.0 else -half_gap[i]
-            if abs(load) <= NO_LOAD * stiffness[i] * half_gap[i]:
+            load = needed[i] + springs.arm_stiffness[i] * (q[i] - springs.arm_rest[i])
+            clearance = springs.half_gap[i] if load > 0.0 else -springs.half_gap[i]
+            if abs(load) <= NO_LOAD * springs.stiffness[i] * springs.half_gap[i]:
                 clearance = 0.0
-            stretch = load / stiffness[i]
-            if stiffening[i] > 0.0:
+            stretch = load / springs.stiffness[i]
+            if springs.stiffening[i] > 0.0:
                 # Cardano's root of s + stiffening s^3
-                root = math.sqrt(3.0 * stiffening[i])
+                root = math.sqrt(3.0 * springs.stiffening[i])
                 stretch = 2.0 / root * math.sinh(math.asinh(1.5 * root * stretch) / 3.0)
             q[i] = theta[i] - stretch - clearance
 

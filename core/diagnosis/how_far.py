@@ -107,7 +107,6 @@ def how_far(
             return None
 
     whole = list(range(len(names)))
-    mended = [robot_of(database, level, run, rows_of(fold.found)) for fold in folds for run in fold.runs]
     steps = [simulated([], backend)]
     partly = [some(whole[:k]) for k in whole[1:]]
     for step in partly:
@@ -123,7 +122,7 @@ def how_far(
     if any(run.locked for run in runs):
         # held against inverse dynamics along their motion
         refused = dict.fromkeys(backends or (backend,), "no engine holds the joints that are clamped in these runs")
-    elif any(mode_of(run) == "unknown" and rattles(robot) for run, robot in zip(runs, mended, strict=True)):
+    elif any(mode_of(run) == "unknown" and rattles(robot) for run, robot in zip(runs, robots, strict=True)):
         why = "engines that move motors as they were seen to go let arms hit them like walls"
         refused = dict.fromkeys(backends or (backend,), why)
     elif backend in backends or not backends:

@@ -21,6 +21,7 @@ from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import Beyond, cut_softly, knees, of_joints, of_springs, places
+from .elastic import SpringTable
 from .prepare import Prepared
 
 Vector = NDArray[np.float64]
@@ -411,28 +412,26 @@ def _arms(
     arm_stiffness = np.array([sum(k for k, _ in entries) for entries in pull], dtype=float)
     moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
     arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
-    q, dq, ddq = (np.empty_like(theta) for _ in range(3))
-    given, found = (theta, dtheta, ddtheta), (q, dq, ddq)
-    on_arms, some = (arm_stiffness, arm_rest), np.flatnonzero(soft)
-    loose = soft & (half_gap > 0.0)
-    hard = stiffness
-    imposed = run.run.control.mode == "motion"
-    rotors = np.array([math.inf if imposed else stage.drive.inertia for stage in robot.stages])
+    holds = np.zeros(len(springs), dtype=bool)
+    table = SpringTable(stiffness, damping, stiffening, half_gap, holds, arm_stiffness, arm_rest)
+    some, motion, loose = np.flatnonzero(soft), (theta, dtheta, ddtheta), soft & (half_gap > 0.0)
     try:
         if loose.any():
             own = np.abs(np.diagonal(arms.mass_matrix(theta[:1])[0]))
-            finer, stiffness = play.finer_steps(stiffness, own, loose, run.h)
-            thrown, holds = play.rebounding(stiffness, damping, own, rotors)
-            springs_there = (stiffness, np.where(loose, thrown, damping), stiffening, half_gap, holds)
-            _compiled("arms_across")(arms.table, some, *springs_there, *on_arms, finer, run.h, *given, *found)
+            imposed = run.run.control.mode == "motion"
+            rotors = np.array([math.inf if imposed else stage.drive.inertia for stage in robot.stages])
+            finer, followed = play.finer_steps(stiffness, own, loose, run.h)
+            thrown, holds = play.rebounding(followed, damping, own, rotors)
+            table = table._replace(stiffness=followed, damping=np.where(loose, thrown, damping), holds=holds)
+            q, dq, ddq = _compiled("arms_across")(arms.table, some, table, finer, run.h, *motion)
         else:
-            _compiled("arms_along")(arms.table, some, stiffness, damping, stiffening, *on_arms, run.h, *given, *found)
+            q, dq, ddq = _compiled("arms_along")(arms.table, some, table, run.h, *motion)
     except ZeroDivisionError:
         # nothing between two springs is an arm that no motion is known of
         q, dq, ddq = (np.full_like(theta, np.nan) for _ in range(3))
-    if np.any(stiffness < hard):
+    if np.any(table.stiffness < stiffness):
         # where the harder contact would hold the arm
-        q += arms.inverse_dynamics(q, dq, ddq) * (1.0 / stiffness - 1.0 / hard)
+        q += arms.inverse_dynamics(q, dq, ddq) * (1.0 / table.stiffness - 1.0 / stiffness)
     return q, dq, ddq
 
 

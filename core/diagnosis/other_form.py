@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..effects import EffectRow
 from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave
 from .found import Found
 from .gap import SHOWS_IN_BAND
 from .held import LITTLE, MOST_LEFT, Held
 from .judge import Judge
-from .refine import ABOUT, PLAY
+from .refine import PLAY, widths_about
 from .unseen import OTHER_FORM, Along, Bent, along, bent
 
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
@@ -69,11 +68,10 @@ def _speaks_against(left: Along, held: Held) -> bool:
 
 
 def _of_other_widths(found: Sequence[Found]) -> list[list[Found]]:
-    """Findings with their play a little narrower or wider: of an arm that bounces no motion tells the width exactly."""
-
-    def of(item: Found, part: float) -> Found:
-        values = item.row.values
-        return replace(item, row=EffectRow(item.at, {**values, "gap": values["gap"] * part}))
-
-    widths = ABOUT if any(item.effect == PLAY for item in found) else ()
-    return [[of(item, part) if item.effect == PLAY else item for item in found] for part in widths]
+    """Findings with each play a little narrower or wider."""
+    return [
+        [replace(other, row=row) if other is item else other for other in found]
+        for item in found
+        if item.effect == PLAY
+        for row in widths_about(item.row)
+    ]

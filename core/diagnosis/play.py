@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..kinematics.rigid_body import newton_euler, place_joints
 from ..simulation.drive_law import factorised, solved
-from .elastic import hang, mass_matrix_among
+from .elastic import SpringTable, hang, mass_matrix_among
 
 Vector = NDArray[np.float64]
 
@@ -82,45 +82,23 @@ def thrown_back(ratio: Vector) -> Vector:
 
 
 def arms_across(
-    chain: Any,
-    elastic: Any,
-    stiffness: Any,
-    damping: Any,
-    stiffening: Any,
-    half_gap: Any,
-    holds: Any,
-    arm_stiffness: Any,
-    arm_rest: Any,
-    finer: int,
-    h: float,
-    theta: Any,
-    dtheta: Any,
-    ddtheta: Any,
-    q: Any,
-    dq: Any,
-    ddq: Any,
-) -> None:
+    chain: Any, elastic: Any, springs: SpringTable, finer: int, h: float, theta: Any, dtheta: Any, ddtheta: Any
+) -> tuple[Any, Any, Any]:
     """Motion of the arms that a recorded motion of the motor sides makes across their clearances.
 
     Args:
         chain: The arms, a ChainTable of n joints.
         elastic: Indices of the joints with a spring, shape (e,), int64.
-        stiffness: Of every joint's spring, shape (n,).
-        damping: Of the same.
-        stiffening: Of the same, by the square of its stretch beyond the clearance: T = K s (1 + stiffening s^2).
-        half_gap: Half of its clearance.
-        holds: Whether its damper pulls; across a clearance no other does, shape (n,).
-        arm_stiffness: Of springs on the arms, shape (n,).
-        arm_rest: Where these rest.
+        springs: Of all joints.
         finer: Steps between two samples, an even number.
         h: Time between samples [s].
         theta: Motor sides (with transmission errors), shape (m, n).
         dtheta: Their speeds.
         ddtheta: Their accelerations.
-        q: Out: arm sides, shape (m, n); they begin at rest under gravity.
-        dq: Out: their speeds.
-        ddq: Out: their accelerations; of elastic ones that are hit within a sample's time the mean over it, in which
-            all of a blow is.
+
+    Returns:
+        Arm sides, their speeds and accelerations, shapes (m, n), as `arms_along`; accelerations of those that are hit
+        within a sample's time are the mean over it, in which all of a blow is.
     """
     m, n = theta.shape
     e = len(elastic)
@@ -131,15 +109,12 @@ def arms_across(
     before, after = np.empty(e), np.empty(e)
     x, v, a = np.empty(e), np.empty(e), np.zeros(e)
     change, pull, give, moved = np.empty(e), np.empty(e), np.empty(e), np.empty(e)
+    place, rate, load = np.empty(e), np.empty(e), np.empty(e)
     half, last = np.empty(e), np.empty(e)
     hit = finer * PART > 1.0
     steady = np.zeros(e)
-    for k in range(m):
-        for i in range(n):
-            q[k, i] = theta[k, i]
-            dq[k, i] = dtheta[k, i]
-            ddq[k, i] = ddtheta[k, i]
-    hang(chain, elastic, stiffness, stiffening, half_gap, arm_stiffness, arm_rest, theta[0], q[0])
+    q, dq, ddq = theta.copy(), dtheta.copy(), ddtheta.copy()
+    hang(chain, elastic, springs, theta[0], q[0])
     for b in range(e):
         x[b] = q[0, elastic[b]]
         v[b] = dtheta[0, elastic[b]]
@@ -167,45 +142,47 @@ def arms_across(
                 # what the step's end adds to it is found from nothing
                 a[b] = 0.0
                 moved[b] = 0.0
+                i = elastic[b]
+                place[b], rate[b] = theta[k, i], dtheta[k, i]
+                load[b] = after[b]
+                if k > 0:
+                    # Hermite's cubic through positions and speeds at both ends
+                    rise = theta[k, i] - theta[k - 1, i]
+                    c = h * dtheta[k - 1, i]
+                    d = 3.0 * rise - 2.0 * c - h * dtheta[k, i]
+                    f = c + h * dtheta[k, i] - 2.0 * rise
+                    place[b] = theta[k - 1, i] + s * (c + s * (d + s * f))
+                    rate[b] = (c + s * (2.0 * d + 3.0 * s * f)) / h
+                    load[b] = before[b] + s * (after[b] - before[b])
             # two passes: the second knows on which side of its clearance each spring ends up
             for _ in range(2):
                 for b in range(e):
                     i = elastic[b]
-                    place, rate = theta[k, i], dtheta[k, i]
-                    if k > 0:
-                        # Hermite's cubic through positions and speeds at both ends
-                        rise = theta[k, i] - theta[k - 1, i]
-                        c = h * dtheta[k - 1, i]
-                        d = 3.0 * rise - 2.0 * c - h * dtheta[k, i]
-                        f = c + h * dtheta[k, i] - 2.0 * rise
-                        place = theta[k - 1, i] + s * (c + s * (d + s * f))
-                        rate = (c + s * (2.0 * d + 3.0 * s * f)) / h
-                    stretch = place - x[b]
-                    pull[b] = stiffness[i]
-                    give[b] = damping[i]
+                    stretch = place[b] - x[b]
+                    pull[b] = springs.stiffness[i]
+                    give[b] = springs.damping[i]
                     rest = 0.0
-                    if half_gap[i] > 0.0:
-                        if stretch > half_gap[i]:
-                            rest = half_gap[i]
-                        elif stretch < -half_gap[i]:
-                            rest = -half_gap[i]
+                    if springs.half_gap[i] > 0.0:
+                        if stretch > springs.half_gap[i]:
+                            rest = springs.half_gap[i]
+                        elif stretch < -springs.half_gap[i]:
+                            rest = -springs.half_gap[i]
                         else:
                             pull[b] = 0.0
                             give[b] = 0.0
-                    square = stiffening[i] * (stretch - rest) * (stretch - rest)
-                    force = pull[b] * (stretch - rest) * (1.0 + square) + give[b] * (rate - v[b])
-                    if not holds[i] and force * rest < 0.0:
+                    square = springs.stiffening[i] * (stretch - rest) * (stretch - rest)
+                    force = pull[b] * (stretch - rest) * (1.0 + square) + give[b] * (rate[b] - v[b])
+                    if not springs.holds[i] and force * rest < 0.0:
                         force = 0.0
                         pull[b] = 0.0
                         give[b] = 0.0
                     pull[b] *= 1.0 + 3.0 * square
-                    force -= arm_stiffness[i] * (x[b] - arm_rest[i])
-                    load = after[b] if k == 0 else before[b] + s * (after[b] - before[b])
-                    change[b] = force - load
+                    force -= springs.arm_stiffness[i] * (x[b] - springs.arm_rest[i])
+                    change[b] = force - load[b]
                     for g in range(e):
                         change[b] -= mass[b, g] * moved[g]
                         reduced[b, g] = mass[b, g]
-                    reduced[b, b] += 0.5 * long * give[b] + 0.25 * long * long * (pull[b] + arm_stiffness[i])
+                    reduced[b, b] += 0.5 * long * give[b] + 0.25 * long * long * (pull[b] + springs.arm_stiffness[i])
                 factorised(reduced)
                 solved(reduced, change)
                 for b in range(e):
@@ -228,3 +205,4 @@ def arms_across(
                 ddq[k, i] = a[b]
             last[b] = half[b]
             before[b] = after[b]
+    return q, dq, ddq

@@ -109,8 +109,19 @@ def filtered(run: Prepared, values: Vector) -> Vector:
     """Values on a run's grid (m, n) behind the filter that what was measured is behind."""
     signal: Any = import_module("scipy.signal")
 
-    corner = min(run.band / KEPT, 0.45 / run.h)
-    return np.asarray(signal.sosfiltfilt(signal.butter(ORDER, corner, fs=1.0 / run.h, output="sos"), values, axis=0))
+    return np.asarray(signal.sosfiltfilt(_smoothing(run.band, 1.0 / run.h), values, axis=0))
+
+
+def _corner(band: float, rate: float) -> float:
+    """Of the filter that keeps a band of what is sampled at a rate [Hz]."""
+    return min(band / KEPT, 0.45 * rate)
+
+
+def _smoothing(band: float, rate: float) -> Vector:
+    """That filter's second-order sections; it is run both ways."""
+    signal: Any = import_module("scipy.signal")
+
+    return np.asarray(signal.butter(ORDER, _corner(band, rate), fs=rate, output="sos"))
 
 
 def widened(flags: Mask, samples: float) -> Mask:
@@ -193,8 +204,7 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     if run.locked:
         every = max(1, round(run.rate / HIGHEST_RATE))
     t = fine[::every]
-    corner = min(width / KEPT, 0.45 * run.rate)
-    sos = signal.butter(ORDER, corner, fs=run.rate, output="sos")
+    sos = _smoothing(width, run.rate)
     signals = dict(run.signals)
     if "ee_rot" in signals:
         signals["ee_rot"] = turned(signals["ee_rot"], (disturbed or {}).get("ee_rot"))
@@ -220,7 +230,7 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
             spline = interpolate.make_interp_spline(fine, smooth, k=5, axis=0)
             motion = [np.asarray(spline(t, nu=nu)) for nu in range(3)]
         measured[name], missing[name] = smooth[::every], hole[::every]
-    edge = int(np.ceil(EDGE / corner / (t[1] - t[0])))
+    edge = int(np.ceil(EDGE / _corner(width, run.rate) / (t[1] - t[0])))
     q, dq, ddq = motion
     seen = None
     if joints is not None:

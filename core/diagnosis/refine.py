@@ -221,6 +221,11 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     return replace(best, rows=whole, left=left_with(problem, whiten, tables(whole)))
 
 
+def widths_about(row: EffectRow) -> list[EffectRow]:
+    """Play a little narrower and wider: of an arm that bounces no motion tells the width exactly."""
+    return [EffectRow(row.at, {**row.values, "gap": row.values["gap"] * part}) for part in ABOUT]
+
+
 def at_its_width(
     problem: Problem, whiten: Whitening, found: Sequence[Found], fit: Refined, parts: Sequence[Part], at: int
 ) -> Refined:
@@ -230,7 +235,7 @@ def at_its_width(
     """
     key = PLAY, at
     row = fit.rows[key]
-    widths = [EffectRow(at, {**row.values, "gap": row.values["gap"] * part}) for part in ABOUT]
+    widths = widths_about(row)
     left = [left_with(problem, whiten, tables({**fit.rows, key: width})) for width in widths]
     energies = [float(one @ one) for one in left]
     best = int(np.argmin(energies))

@@ -104,13 +104,14 @@ def resimulated_once(
             anything that a fit came to, takes so many steps that nobody waits for its end.
     """
     mode = mode_of(run)
-    if step is None and not run.locked and robot != nominal and (steps := steps_of(robot, run, backend)) > AWAITED:
+    along_motion = mode == "unknown" and (bool(run.locked) or rattles(robot))
+    if step is None and not along_motion and robot != nominal and (steps := steps_of(robot, run, backend)) > AWAITED:
         raise RefusedError(f"{robot.name} with these effects takes {steps:.1g} steps for {run.name}: nobody awaits it.")
     if mode == "torque":
         return _in_windows(robot, run, backend, step)
     if mode == "unknown":
         grid = smoothed(run)
-        if run.locked or rattles(robot):
+        if along_motion:
             speech = said(robot, grid, nominal, creep_of(grid))
             acts = {"tau": run.t + 0.5 * run.control.held, "tau_link": run.t}
             heard = {name: getattr(speech, name) for name in acts if run.has(name)}
@@ -182,10 +183,8 @@ def compared(run: Run, robot: Robot) -> dict[str, Vector]:
         run: As read.
         robot: With all that it is thought to have: friction that sticks bears anything where a joint stands.
     """
-    found = _compared(run, robot)
-    return (
-        {name: np.where(run.judged[:, None], values, np.nan) for name, values in found.items()} if run.since else found
-    )
+    judged = run.judged[:, None]
+    return {name: np.where(judged, values, np.nan) for name, values in _compared(run, robot).items()}
 
 
 def _compared(run: Run, robot: Robot) -> dict[str, Vector]:

@@ -258,14 +258,7 @@ def ringing_run(stiffness: float, damping: float, rotor: float, *, seed: int = 0
             dtheta += h * (held - passed) / rotor
             dq += h * (passed - WEIGHT * math.sin(q)) / INERTIA
             theta, q = theta + h * dtheta, q + h * dq
-    random = np.random.default_rng(seed)
-    names = ("q", "tau")
-    signals = {
-        name: column[:, None] + NOISE[name] * random.normal(size=(len(ticks), 1))
-        for name, column in zip(names, rows.T, strict=True)
-    } | {"q_cmd": q_cmd[:, None], "dq_cmd": dq_cmd[:, None]}
-    stated = {name: np.array([NOISE[name]]) for name in names}
-    return Run("swing", ticks, signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), 1000.0)
+    return _controlled(ticks, {"q": rows[:, 0], "tau": rows[:, 1]}, seed)
 
 
 def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3.0, rate: float = 500.0) -> Run:
@@ -298,12 +291,21 @@ def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3
             dtheta += h * (held - passed) / rotor
             dq += h * passed / INERTIA
             theta, q = theta + h * dtheta, q + h * dq
-    every = round(1000.0 / rate)
+    return _controlled(ticks, {"q": rows[:, 0], "tau": rows[:, 1], "q_link": rows[:, 2]}, seed, round(1000.0 / rate))
+
+
+def _controlled(ticks: Vector, exact: dict[str, Vector], seed: int, every: int = 1) -> Run:
+    """What sensors say at every so many ticks of what is at all of them, of a pendulum that is told to go as `command`.
+
+    Args:
+        ticks: Of its controller [s].
+        exact: Signal -> its values at them.
+        seed: Of the noise.
+        every: Ticks a row.
+    """
     random = np.random.default_rng(seed)
-    names = ("q", "tau", "q_link")
-    signals = {
-        name: (column + NOISE[name] * random.normal(size=len(ticks)))[::every, None]
-        for name, column in zip(names, rows.T, strict=True)
-    } | {"q_cmd": q_cmd[::every, None], "dq_cmd": dq_cmd[::every, None]}
-    stated = {name: np.array([NOISE[name]]) for name in names}
-    return Run("swing", ticks[::every], signals, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), rate)
+    asked, rate, _ = command(ticks)
+    signals = {name: values + NOISE[name] * random.normal(size=len(ticks)) for name, values in exact.items()}
+    rows = {name: values[::every, None] for name, values in (signals | {"q_cmd": asked, "dq_cmd": rate}).items()}
+    stated = {name: np.array([NOISE[name]]) for name in exact}
+    return Run("swing", ticks[::every], rows, Control("pd", (KP,), (KD,)), stated, (), {}, "", (), 1000.0 / every)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis import inverse, other_form, play
+from mbexport.core.diagnosis import inverse, other_form, play, refine
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found, rows_of
 from mbexport.core.diagnosis.how_far import Fold, how_far
@@ -137,7 +137,7 @@ def test_the_measured_motion_does_not_speak_against_play_that_is_a_little_wider(
     assert against(GAP) is None
     assert against(1.07 * GAP) is None
     assert against(1.5 * GAP) is not None
-    monkeypatch.setattr(other_form, "ABOUT", ())
+    monkeypatch.setattr(refine, "ABOUT", ())
     assert against(1.07 * GAP) is not None
 
 
