@@ -294,6 +294,7 @@ class _Diagnosing:
         why = ALONE if {UNSEEN, LEFT_UNSEEN} & set(notes) else ""
         if verdict == "unexplained" and not why and part_open(state) <= CONFIRMABLE:
             why = UNCONFIRMED
+        since = {run.name: run.since for run in ready}
         answer = Diagnosis(
             robot=self.database.name,
             verdict=verdict,
@@ -318,7 +319,7 @@ class _Diagnosing:
             corrected=with_effects(self.database, merged(self.database.effects, effects)),
             notes=tuple(notes),
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
-            overlays=tuple(_drawable(overlay) for overlay in held.overlays),
+            overlays=tuple(_drawable(overlay, since[overlay.run]) for overlay in held.overlays),
         )
         return answer, why
 
@@ -513,18 +514,20 @@ class _Diagnosing:
         return " ".join(one.words for one in outcome)
 
 
-def _drawable(overlay: Overlay) -> Overlay:
-    """An overlay without orientations, which are no curves over time."""
+def _drawable(overlay: Overlay, since: float) -> Overlay:
+    """An overlay from a time on, without what leads up to it, and without orientations, which are no curves."""
+    rows = overlay.t >= since
 
     def curves(signals: Mapping[str, Vector]) -> dict[str, Vector]:
-        return {name: values for name, values in signals.items() if name != "ee_rot"}
+        return {name: values[rows] for name, values in signals.items() if name != "ee_rot"}
 
     return replace(
         overlay,
+        t=overlay.t[rows],
         measured=curves(overlay.measured),
         before=curves(overlay.before),
         after=curves(overlay.after),
-        noise=curves(overlay.noise),
+        noise={name: sigma for name, sigma in overlay.noise.items() if name != "ee_rot"},
     )
 
 

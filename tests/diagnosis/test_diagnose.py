@@ -259,6 +259,17 @@ def test_what_rings_on_from_one_part_of_a_run_to_the_next_is_no_damping():
     assert 0.015 < least < most < 0.03
 
 
+def test_what_leads_up_to_a_part_is_not_drawn():
+    answer = mbexport.diagnose("pendulum", runs(seeds=(1,)), level="rigid", backends=[])
+    first, second, third = answer.overlays
+    assert (first.t[0], second.t[0]) == (0.0, pytest.approx(first.t[-1] + 0.004))
+    assert sum(len(overlay.t) for overlay in answer.overlays) == 1001
+    for overlay in (first, second, third):
+        for signals in (overlay.measured, overlay.before, overlay.after):
+            assert {len(values) for values in signals.values()} == {len(overlay.t)}
+        assert all(np.isfinite(values).all() for values in overlay.measured.values())
+
+
 def test_a_run_is_put_right_before_it_is_cut():
     """A part of it alone tells less of its stamps, and might tell other ones."""
     answer = mbexport.diagnose("pendulum", runs(seeds=(1,), late=0.004), level="rigid", backends=[])
