@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .beyond import KNEE, LIMIT, SPRINGS, WAVES, by_catalogue, cut_softly
+from .beyond import KNEE, LIMIT, SECOND, SPRINGS, WAVES, by_catalogue, cut_softly
 from .evidence import coefficients
 from .found import Found, rows_of
 from .inverse import Said
@@ -286,7 +286,7 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
     """A wave's second harmonic, or what it is that of, another amplitude and phase of its own, and its cycles.
 
     Each by its two quadratures. A second harmonic that no law has pulls at the cycles found. Of a gear's error
-    inertia makes the harmonic four times as large, so that it may be the part that was found.
+    inertia makes the harmonic four times as large, so that it may be the part that was found, unless both were.
     """
     item = found[k]
     values = by_catalogue(item.row).values
@@ -305,11 +305,12 @@ def _waves(problem: Problem, found: Sequence[Found], k: int) -> list[Form]:
         return Form(said, wave(part, cycles, phase), law=tuple(law))
 
     quadratures = (0.0, 0.5 * np.pi)
+    may_be_second = item.effect == ERROR and not item.row.values.get(SECOND, 0.0)
     c, phase = values["cycles"], values["phase"]
     off = CYCLES_OFF * 2.0 * np.pi / max(float(problem.way()[item.at - 1]), 1e-6)
     return [
         *(other(TWICE_SAID, TWICE, 2.0 * c, quadrature) for quadrature in quadratures),
-        *(other(HALF_SAID, HALF, 0.5 * c, quadrature) for quadrature in quadratures if item.effect == ERROR),
+        *(other(HALF_SAID, HALF, 0.5 * c, quadrature) for quadrature in quadratures if may_be_second),
         *(Form("", wave(AMOUNT, c, quadrature)) for quadrature in quadratures),
         Form("", wave(1.0, c + off, phase) - wave(1.0, c, phase)),
     ]

@@ -99,27 +99,38 @@ def with_knees(fit: Refined, item: Found) -> list[EffectRow]:
 
 
 def as_harmonics(problem: Problem, whiten: Whitening, fit: Refined, item: Found) -> list[EffectRow]:
-    """Where a fit begins of a wave that comes half as often, and of which what was found comes twice as often as well.
+    """Where fits begin of a wave that comes twice as often as well: the one that was found may be either of the two.
 
-    Nowhere where there is none so large: where the wave that was found is the larger part, the other is no more than
-    another form of its law.
+    What comes half as often is no wave where it goes round too rarely, and is looked for where it is the larger one.
     """
     row = fit.rows[item.key]
     amplitude, cycles, phase = (row.values[name] for name in ("amplitude", "cycles", "phase"))
-    if 0.5 * cycles < problem.fewest_cycles(item.at):
-        return []
 
-    def half(size: float, first: float) -> EffectRow:
-        values = {"amplitude": size * amplitude, "cycles": 0.5 * cycles, "phase": first}
-        return EffectRow(item.at, {**row.values, **values, SECOND: 1.0 / size, SECOND_PHASE: phase})
+    def changed(**values: float) -> EffectRow:
+        return EffectRow(item.at, {**row.values, **values})
 
-    columns = [
-        left_with(problem, whiten, tables({**fit.rows, item.key: half(1.0, first)})) - fit.left
-        for first in (0.0, 0.5 * math.pi)
-    ]
-    sine, cosine = np.linalg.lstsq(np.column_stack(columns), -fit.left, rcond=None)[0].tolist()
-    size = math.hypot(sine, cosine)
-    return [half(size, math.atan2(cosine, sine))] if size >= 1.0 else []
+    def left(wave: EffectRow) -> Vector:
+        return left_with(problem, whiten, tables({**fit.rows, item.key: wave}))
+
+    def beside(often: float) -> tuple[float, float, float]:
+        """Of a wave so many times as often that takes most of what is left: size in amplitudes, phase, and the rest."""
+        waves = [changed(cycles=often * cycles, phase=quadrature) for quadrature in (0.0, 0.5 * math.pi)]
+        columns = np.column_stack([left(wave) - nothing for wave in waves])
+        sine, cosine = np.linalg.lstsq(columns, -fit.left, rcond=None)[0]
+        rest = fit.left + columns @ np.array([sine, cosine])
+        return math.hypot(sine, cosine), math.atan2(cosine, sine), float(rest @ rest) - len(rest)
+
+    nothing = left(changed(amplitude=0.0))
+    begun: list[EffectRow] = []
+    if 0.5 * cycles >= problem.fewest_cycles(item.at):
+        size, first, _ = beside(0.5)
+        if size >= 1.0:
+            half = {"amplitude": size * amplitude, "cycles": 0.5 * cycles, "phase": first}
+            begun.append(changed(**half, **{SECOND: 1.0 / size, SECOND_PHASE: phase}))
+    size, second, rest = beside(2.0)
+    if size <= 1.0 and rest < ANOTHER * _above(fit):
+        begun.append(changed(**{SECOND: size, SECOND_PHASE: second}))
+    return begun
 
 
 def stiffer(problem: Problem, fit: Refined, item: Found) -> list[EffectRow]:

@@ -56,8 +56,8 @@ class Unseen:
         moves: By how many standard deviations each changes what is said there.
         shares: What part of a channel's gap each takes away there, of the channel of which it takes most; 1 where it is
             what closes one.
-        own: What part of all that each takes away no other form of another finding's law can take; 1 where there is
-            none that might.
+        own: What part of all that each takes away no other form of another finding's law can take, there or where it
+            was fitted, of which the more: a law that has another form has it everywhere. 1 where there is none.
         rows: For each split, the rows that were fitted without its unseen runs.
         open: Part of the gap's energy along the motion, above noise, that all findings leave there.
         stands_out: Whether a band of what they leave there is far above noise.
@@ -115,7 +115,9 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     """
     gains = np.zeros(len(found))
     moves = np.zeros(len(found))
-    shares, taken, own = (np.zeros(len(found)) for _ in range(3))
+    shares = np.zeros(len(found))
+    # of each where it was not fitted and where it was: all that it takes away, and what of it no other form can
+    taken, own = np.zeros((2, len(found))), np.zeros((2, len(found)))
     doubted = np.zeros(len(found), dtype=bool)
     rows: list[tuple[EffectRow, ...]] = []
     sums, stands_out = np.zeros(3), False
@@ -138,21 +140,24 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             if len(ways) > 1 and _moved(seen.left(others), fit.left, fitted) < NOTHING:
                 # its numbers stayed where they began, and that the runs to judge by have seen
                 continue
-            rest = nothing
+            kept = others
             moves[k] += _moved(unseen.left(others), left, sigma) ** 2
             if item.absent is not None:
-                moved = removal(fit, item.key, item.absent).rows
-                rest = unseen.left([replace(other, row=moved[other.key]) for other in others])
+                kept = _with(others, removal(fit, item.key, item.absent).rows)
+            rest = unseen.left(kept)
             if others and (item.absent is None or float(np.mean(rest**2)) > 0.01 * FAR**2):
                 # or where no such robot can be with the others as they would move
-                refit = seen.fit(others).rows
-                rest = unseen.left([replace(other, row=refit[other.key]) for other in others])
+                kept = _with(others, seen.fit(others).rows)
+                rest = unseen.left(kept)
             gains[k] += gained(rest, left, sigma, unseen.parts)
             shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
-            forms = beyond_forms(unseen.problem, unseen.whiten, whole, k)
-            doubted[k] |= forms is not None
-            taken[k] += _energy(rest) - _energy(left)
-            own[k] += _energy(rest) - _energy(left) if forms is None else _energy(forms(rest)) - _energy(forms(left))
+            for there, (part, without, beside) in enumerate(((unseen, rest, left), (seen, seen.left(kept), fit.left))):
+                forms = beyond_forms(part.problem, part.whiten, whole, k)
+                doubted[k] |= forms is not None
+                taken[there, k] += (all_of_it := _energy(without) - _energy(beside))
+                own[there, k] += all_of_it if forms is None else _energy(forms(without)) - _energy(forms(beside))
+    alone: Vector = np.where(taken > 0.0, own / np.maximum(taken, 1e-300), np.where(doubted, 0.0, 1.0))
+    most: Vector = np.maximum(alone[0], alone[1])
     loud, still, bends = sums.tolist()
     part = min(1.0, max(0.0, still / loud)) if loud > 0.0 else 1.0
     return Unseen(
@@ -160,7 +165,7 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
         tuple(np.sqrt(moves).tolist()),
         tuple(shares.tolist()),
         # what takes nothing away there, beside a law that might say the same, has nothing of its own
-        tuple(np.divide(own, taken, out=np.where(doubted, 0.0, 1.0), where=taken > 0.0).tolist()),
+        tuple(np.where(taken[0] > 0.0, most, alone[0]).tolist()),
         tuple(rows),
         part,
         stands_out,

@@ -276,14 +276,38 @@ def test_a_gears_error_is_found_behind_its_harmonic_and_so_is_what_stands_beside
     assert float(plain.left @ plain.left) > 2.0 * float(fit.left @ fit.left)
 
 
-@pytest.mark.parametrize(("second", "cycles"), [(0.0, 40.0), (0.3, 20.0)])
-def test_a_plain_wave_is_no_harmonic(second, cycles):
-    """Where nothing comes half as often, or what does was found already."""
+@pytest.mark.parametrize(("first", "cycles", "begins"), [(0.0, 40.0, None), (3.0e-4, 20.0, (3.0e-4, 20.0, 0.5))])
+def test_a_plain_wave_is_no_harmonic(first, cycles, begins):
+    """Where nothing comes half as often, or twice as often as well."""
     row = EffectRow(1, {"amplitude": 1.5e-4, "cycles": cycles, "phase": 1.1 if cycles == 40.0 else 0.3})
-    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion", gear(second * 1e-3, 1.5e-4), seed=1)])
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion", gear(first, 1.5e-4), seed=1)])
     whiten, parts, item = whitening(asked), blocks(asked.evidence), Found("transmission_error", 1, row, 100.0)
     fit = refined(asked, whiten, [item], parts)
-    assert as_harmonics(asked, whiten, fit, item) == []
+    begun = as_harmonics(asked, whiten, fit, item)
+    if begins is None:
+        assert begun == []
+    else:
+        (values,) = (row.values for row in begun)
+        assert [values[name] for name in ("amplitude", "cycles", "second")] == pytest.approx(begins, rel=0.15)
+
+
+@pytest.mark.parametrize("torque", [0.0, 0.02])
+def test_a_wave_is_found_with_its_harmonic_and_so_is_what_stands_beside_it(torque):
+    """What comes twice as often, four tenths as large, is far louder than the friction."""
+    twice = ripple(2.0)
+    runs = [
+        pendulum_run("motion", lambda t, q, dq: twice(t, q, dq) + torque * math.tanh(dq / 1e-3), seed=k) for k in (1, 2)
+    ]
+    asked = problem(load("pendulum"), "rigid", runs)
+    state = Search(asked, whitening(asked))
+    state.begin()
+    rows = {item.effect: item.row.values for item in search(state).found}
+    assert set(rows) == {"torque_ripple", *(("coulomb_friction",) if torque else ())}
+    wave = rows["torque_ripple"]
+    assert (wave["amplitude"], wave["cycles"]) == pytest.approx((0.3, 20.0), rel=0.02)
+    assert wave["second"] == pytest.approx(0.4, rel=0.05)
+    if torque:
+        assert rows["coulomb_friction"]["torque"] == pytest.approx(torque, rel=0.1)
 
 
 @pytest.mark.parametrize(("part", "its_own"), [(0.05, True), (0.03, False)])

@@ -187,6 +187,22 @@ def test_what_takes_nothing_away_beside_a_law_that_may_say_the_same_has_nothing_
     assert judged(asked, whitening(asked), both, [Split((0,), (1,))]).own == (1.0, 0.0)
 
 
+@pytest.mark.parametrize(("fitted", "its_own"), [(4.0, True), (0.7, False)])
+def test_what_no_other_form_of_a_law_says_where_it_was_fitted_none_says_elsewhere(fitted, its_own):
+    """On a short way a ripple's amount, phase and cycles are a steady torque as well; on a long one they are none."""
+    runs = [
+        pendulum_run("motion", lambda t, q, dq: 0.3 * math.sin(5.0 * q) + 0.1, seed=k, duration=duration)
+        for k, duration in ((1, fitted), (2, 0.7))
+    ]
+    asked = problem(load("pendulum"), "rigid", runs)
+    both = [
+        Found("torque_ripple", 1, EffectRow(1, {"amplitude": 0.3, "cycles": 5.0, "phase": 0.0}), 50.0),
+        Found("torque_offset", 1, EffectRow(1, {"torque": 0.1}), 50.0, EffectRow(1, {"torque": 0.0})),
+    ]
+    worth = judged(asked, whitening(asked), both, [Split((0,), (1,))])
+    assert (worth.own[1] >= MOST_LEFT) == its_own
+
+
 @pytest.mark.parametrize(("theta", "its_own"), [(0.0, False), (0.1, True)])
 def test_a_spring_that_stiffens_on_its_way_is_no_geometry_beside_it(theta, its_own):
     """Nor an arm's, which turns what every joint bears."""
