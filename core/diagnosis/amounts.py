@@ -14,6 +14,7 @@ from ..effects import Column, effect_named
 from .beyond import KNEE
 from .hypothesis import TENSOR, Hypothesis, Values, clamped, defaults
 from .orders import orders_of
+from .plain import rests
 from .problem import Problem
 from .scales import Scales, nearly_all
 
@@ -22,6 +23,8 @@ Vector = NDArray[np.float64]
 # delays are looked for up to this one [s], and within this part of each tick
 LONGEST_DELAY = 0.02
 WITHIN = 0.98
+# where a spring rests that pulls nearly alike along a joint's way, in such ways, or farther
+FAR_AWAY = 5.0
 # width of the knee, in limits, of one that is felt before it is reached
 SOFT_KNEE = 0.1
 Form = Callable[[Problem, Scales, str, int, "Values | None"], list[Hypothesis]]
@@ -139,17 +142,17 @@ def _limit(problem: Problem, scales: Scales, name: str, at: int, known: Values |
 
 
 def _spring(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    """-k (q - rest): linear in k and k rest."""
+    """-k (q - rest): linear in k and k rest. One that does not pull back pulls from far away, softly."""
     k0 = known["stiffness"] if known else 0.0
     m0 = k0 * known["rest"] if known else 0.0
 
     def values(beta: Vector) -> Values | None:
-        k, m = k0 + float(beta[0]), m0 + float(beta[1])
-        if k <= 0.0:
-            return {"stiffness": 0.0, "rest": 0.0}
-        return {"stiffness": k, "rest": m / k}
+        m = m0 + float(beta[1])
+        k = max(k0 + float(beta[0]), abs(m) / far)
+        return {"stiffness": k, "rest": m / k if m else 0.0}
 
     torque, way = scales.torque[at - 1], scales.way[at - 1]
+    far = max(FAR_AWAY * float(way), rests(problem, at))
     scale, lower = np.array([torque / way, torque]), np.array([-k0, -np.inf])
     return [Hypothesis(name, at, "", values, scale, lower, carried=True)]
 

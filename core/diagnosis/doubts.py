@@ -89,13 +89,18 @@ def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts)
     stats: Any = import_module("scipy.stats")
     known = problem.row_at(item.effect, item.at, {})
     nothing = known.values if known else defaults(item.effect)
-    amounts = [k for k in fit.numbers_of(item.key) if fit.shown[k] and fit.free[k][2] not in SHAPES]
+    own = fit.numbers_of(item.key)
+    amounts = [k for k in own if fit.shown[k] and fit.free[k][2] not in SHAPES]
     names = [fit.free[k][2] for k in amounts]
     away = np.array([fit.rows[item.key].values[name] - nothing[name] for name in names])
     if not amounts or not np.isfinite(away).all():
         return False
     doubt = np.array([doubts.get(fit.free[k], 0.0) for k in amounts])
     covariance = fit.covariance[np.ix_(amounts, amounts)] - np.diag(doubt**2)
+    # a spring may be soft and far away or hard and near: its torque is known far better than both
+    for k in (k for k in own if fit.free[k][2] == "rest"):
+        both = fit.covariance[amounts, k]
+        covariance = covariance - np.outer(both, both) / fit.covariance[k, k]
     # of numbers that go together some combinations may be known exactly
     size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     correlation = covariance / np.outer(size, size)

@@ -51,13 +51,11 @@ class Plain:
 
     @staticmethod
     def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> Plain:
-        whole = max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
-        length = PART_OF_REACH * whole
+        length = PART_OF_REACH * _reach(problem)
         deviations: dict[int, float] = {}
         for k, (effect, at, name) in enumerate(free):
             if effect == "joint_spring" and name == "rest":
-                slides = problem.database.joints[at - 1].kind == "prismatic"
-                deviations[k] = RESTS[1] * whole if slides else RESTS[0]
+                deviations[k] = rests(problem, at)
             elif effect == "kinematic_error":
                 deviations[k] = STRAY * length if name in ("a", "d") else STRAY
             elif effect == "payload" and name in ("x", "y", "z"):
@@ -97,6 +95,16 @@ class Plain:
                 moments[number] = values[k]
             parts.append(_hollow(moments) / HOLLOW)
         return np.concatenate(parts)
+
+
+def rests(problem: Problem, at: int) -> float:
+    """One standard deviation of where a spring's joint may rest [rad or m]."""
+    return RESTS[1] * _reach(problem) if problem.database.joints[at - 1].kind == "prismatic" else RESTS[0]
+
+
+def _reach(problem: Problem) -> float:
+    """How long a robot's arms are together [m]."""
+    return max(1e-2, sum(math.hypot(*row.pose().xyz) for row in problem.database.kinematics))
 
 
 def _hollow(moments: Vector) -> Vector:

@@ -200,6 +200,18 @@ def test_two_numbers_of_which_the_sum_is_known_are_told_from_nothing():
     assert untold(asked, [heavy], loose, {}) == [heavy]
 
 
+def test_a_spring_whose_torque_is_known_is_told_from_nothing():
+    """Soft and far away, or hard and near."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion"), pendulum_run("motion", seed=2)])
+    spring = Found("joint_spring", 1, EffectRow(1, {"stiffness": 4.0, "rest": 3.0}), 50.0)
+    free = tuple(("joint_spring", 1, name) for name in ("stiffness", "rest"))
+    together = np.array([[16.0, -11.9], [-11.9, 9.0]])
+    fit = Refined({spring.key: spring.row}, np.zeros(10), free, together, np.zeros((10, 2)), (True, True))
+    assert untold(asked, [spring], fit, {}) == []
+    loose = replace(fit, covariance=np.diag(np.diag(together)))
+    assert untold(asked, [spring], loose, {}) == [spring]
+
+
 def test_a_law_of_another_form_is_there_whatever_one_number_of_it_is():
     """Friction that yields is what was known of it at one speed; a rotor's inertia has no form to be another one."""
     asked, found, fit = rubbing_and_heavy(0.6)

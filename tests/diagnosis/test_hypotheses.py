@@ -11,12 +11,16 @@ from mbexport.core.build import build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis.contender import Contender
+from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypotheses import hypotheses
 from mbexport.core.diagnosis.hypothesis import Hypothesis
+from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.orders import _periodic
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import bounds_of
+from mbexport.core.diagnosis.refine import bounds_of, refined
 from mbexport.core.diagnosis.scales import scales_of
+from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
 
@@ -42,6 +46,18 @@ def test_a_wave_goes_through_most_of_itself():
     assert fewest == pytest.approx(0.75 * 2.0 * np.pi / asked.way()[0])
     state, _ = found(asked)
     assert state.found[0].effect == "joint_spring"
+
+
+@pytest.mark.parametrize("torque", [0.4, -0.4])
+def test_a_steady_torque_may_be_a_spring_that_pulls_from_far_away(torque):
+    """Least squares may make it one that pushes, which none does: a fit begins from a soft one."""
+    asked = question(lambda t, q, dq: torque, mode="motion")
+    (spring,) = (one for one in hypotheses(asked, {}, scales_of(asked, {})) if one.effect == "joint_spring")
+    begun = spring.rows(np.array([-0.01, -torque]))
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    left = refined(asked, whiten, [Found(*spring.key, begun["joint_spring"][0], 50.0)], parts).left
+    nothing = whiten(asked.residual({}))
+    assert left @ left - len(left) < 0.002 * (nothing @ nothing)
 
 
 def test_a_gear_error_of_few_cycles_on_short_ways_is_read_by_its_inertia_and_its_weight():
