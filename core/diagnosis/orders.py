@@ -44,9 +44,9 @@ def orders_of(problem: Problem, scales: Scales, at: int, *, second: bool) -> lis
         powers.append(_periodic(problem, scales.turned, i, grid, itself=True, second=False))
     chosen: list[float] = []
     for power in sorted(powers, key=_clear, reverse=True):
-        # of the clearest its highest, of the others what stands out most
+        # of the clearest its highest, of the others what stands out most, unless a fit that begins there comes to it
         for cycles in _peaks(power, grid, way)[: 1 if chosen else CYCLES]:
-            if all(abs(cycles - c) > 2.0 * np.pi / way for c in chosen):
+            if all(abs(cycles - c) > np.pi / way for c in chosen):
                 chosen.append(cycles)
     if not chosen:
         return []

@@ -16,11 +16,10 @@ from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypotheses import hypotheses
 from mbexport.core.diagnosis.hypothesis import Hypothesis
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.orders import _periodic
+from mbexport.core.diagnosis.orders import _periodic, orders_of
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import bounds_of, refined
 from mbexport.core.diagnosis.scales import scales_of
-from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
 
@@ -37,6 +36,26 @@ def test_the_cycles_of_a_gear_are_read_where_its_output_was_measured():
     asked = problem(load("pendulum"), "rigid", runs)
     cycles = [row(h)["cycles"] for h in hypotheses(asked, {}, scales_of(asked, {})) if h.effect == "transmission_error"]
     assert min(abs(one - 30.0) for one in cycles) < 0.5
+
+
+def test_the_cycles_that_another_signal_shows_are_tried_beside_those_of_the_clearest(monkeypatch):
+    """A slope of the torque is clear, with a side lobe less than a lobe from where the arm side's position waves."""
+    asked = question()
+    powers = {(False, True): ((0, 60.0), (7, 12.0)), (True, True): (), (True, False): ((11, 50.0),)}
+
+    def periodic(problem, left, i, grid, *, itself, second):
+        power = np.ones(len(grid))
+        for place, height in powers[itself, second]:
+            power[place] = height
+        grids.append(grid)
+        return power
+
+    grids: list[np.ndarray] = []
+    monkeypatch.setattr("mbexport.core.diagnosis.orders._periodic", periodic)
+    tried = orders_of(asked, scales_of(asked, {}), 1, second=True)
+    assert set(grids[0][[0, 7, 11]]) <= set(tried)
+    # farther from its neighbour than a fit goes, nearer than a lobe is wide
+    assert np.pi < (grids[0][11] - grids[0][7]) * scales_of(asked, {}).way[0] <= 2.0 * np.pi * (1.0 + 1e-9)
 
 
 def test_a_wave_goes_through_most_of_itself():
