@@ -1,4 +1,4 @@
-"""Friction that only follows a resistance that grows faster than with its joint's speed."""
+"""Friction that only follows a resistance that grows faster than with its joint's speed, as oil that is stirred."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from .tried import ALIKE
 
 # part of what Coulomb's friction lost that Stribeck's may have got more or less
 AS_MUCH, BESIDE_IT = 0.5, ("stribeck_friction", "viscous_friction")
+# log evidence by which a drag says more than viscous friction that is none
+SAYS_MORE = 10.0
 
 
 def without_growing(judge: Judge, held: Held) -> Held:
@@ -24,7 +26,8 @@ def without_growing(judge: Judge, held: Held) -> Held:
 
     Coulomb's is less than it was known to be by as much as Stribeck's is more, and there is more viscous friction:
     near rest nothing has changed, and above it what they make together is bent upwards, as no friction is. Or
-    Coulomb's is less and viscous friction more, and what goes with the speed's square says as much as both.
+    Coulomb's is less and viscous friction more, and what goes with the speed's square says as much as both. More
+    viscous friction alone, of which that says more, stays as the catalogue's nearest.
     """
     before = {
         (name, row.at): row.values
@@ -34,32 +37,39 @@ def without_growing(judge: Judge, held: Held) -> Held:
     totals = {item.key: item.row.values for item in held.found}
     for joint in range(1, judge.database.n + 1):
         laws = [(effect, joint) for effect in ("coulomb_friction", *BESIDE_IT)]
-        if laws[0] not in before or not all(law in totals for law in (laws[0], laws[2])):
-            continue
         less, more, faster = (
             totals[law][name] - (before[law][name] if law in before else 0.0) if law in totals else 0.0
             for law, name in zip(laws, ("torque", "torque", "coefficient"), strict=True)
         )
-        if not less < 0.0 < faster:
+        if not faster > 0.0:
             continue
-        follows = abs(less + more) < AS_MUCH * -less if laws[1] in totals else _drags(judge, held, laws)
-        if follows:
-            rest = judge.held([item for item in held.found if item.key not in laws[:2]])
-            gone = tuple(Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2] if (effect, at) in totals)
-            return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
+        if laws[0] in before and less < 0.0:
+            follows = abs(less + more) < AS_MUCH * -less if laws[1] in totals else _drag(judge, held, laws) > -ALIKE
+            if follows:
+                rest = judge.held([item for item in held.found if item.key not in laws[:2]])
+                gone = tuple(
+                    Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2] if (effect, at) in totals
+                )
+                return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
+        if _drag(judge, held, laws[2:]) > SAYS_MORE:
+            return replace(held, growing=joint)
     return held
 
 
-def _drags(judge: Judge, held: Held, laws: Collection[tuple[str, int]]) -> bool:
-    """Whether what goes with the square of a joint's speed says, with one number, as much as these laws of it."""
+def _drag(judge: Judge, held: Held, laws: Collection[tuple[str, int]]) -> float:
+    """How much more what goes with the square of a joint's speed says than these laws of it, in log evidence."""
     part, whiten = judge.whole, judge.whiten
     parts = blocks(part.evidence)
-    both = refined(part, whiten, held.found, parts)
-    rest = refined(part, whiten, [item for item in held.found if item.key not in laws], parts)
+    fit = refined(part, whiten, held.found, parts)
+    others = [item for item in held.found if item.key not in laws]
+    left, slope = whiten(part.residual({})), np.zeros((len(fit.left), 0))
+    if others:
+        rest = refined(part, whiten, others, parts)
+        left, slope = rest.left, rest.slope
     i = next(at for _, at in laws) - 1
     drag = whiten(torque_column(part, i, [run.dq[:, i] * np.abs(run.dq[:, i]) for run in part.evidence.runs]))
-    sigma = spread(both.left, parts)
-    slope = np.column_stack([drag, rest.slope]) / sigma[:, None]
-    left = rest.left / sigma
+    sigma = spread(fit.left, parts)
+    slope = np.column_stack([drag, slope]) / sigma[:, None]
+    left = left / sigma
     left = left - slope @ np.linalg.lstsq(slope, left, rcond=None)[0]
-    return 0.5 * (float(left @ left) - float(np.sum((both.left / sigma) ** 2))) < ALIKE
+    return 0.5 * (float(np.sum((fit.left / sigma) ** 2)) - float(left @ left))

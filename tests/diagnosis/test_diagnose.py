@@ -12,7 +12,7 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose
-from mbexport.core.diagnosis.diagnose import _largest_first
+from mbexport.core.diagnosis.diagnose import _largest_first, _verdict
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
@@ -555,6 +555,29 @@ def test_a_drag_is_no_less_coulomb_and_more_viscous_friction(monkeypatch, agains
     assert rest.growing == growing
     assert [item.effect for item in rest.found] == ["coulomb_friction", "viscous_friction"][growing:]
     assert [(item.effect, item.at) for item in rest.dropped] == [("coulomb_friction", "joint_1")][:growing]
+
+
+@pytest.mark.parametrize(
+    ("against", "growing"),
+    [
+        (lambda t, q, dq: 0.004 * dq * abs(dq), 1),
+        (lambda t, q, dq: 0.03 * dq, 0),
+        (lambda t, q, dq: 0.06 * dq / (1.0 + 0.4 * abs(dq)), 0),
+    ],
+)
+def test_viscous_friction_that_follows_a_drag_is_not_the_whole_cause(against, growing):
+    """It stays, as what is nearest; friction that yields with speed is none."""
+    runs = [pendulum_run(against=against, seed=seed) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
+    begun = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.02}), 50.0)
+    fit = refined(asked, judge.whiten, [begun], blocks(asked.evidence))
+    found = (replace(begun, row=fit.rows[begun.key]),)
+    far = HowFar({}, {}, {}, 0.9, (0.8, 1.0), {})
+    held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
+    rest = without_growing(judge, held)
+    assert (rest.found, rest.growing) == (found, growing)
+    assert _verdict(rest, True, None, None) == ("partly_explained" if growing else "explained")
 
 
 @pytest.mark.parametrize(("short", "name"), [(0.008, "joint_compliance"), (0.02, "joint_compliance_6d")])
