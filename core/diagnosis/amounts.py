@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import Column, effect_named
-from .beyond import KNEE
+from .beyond import DROOP, KNEE
 from .hypothesis import TENSOR, Hypothesis, Values, clamped, defaults
 from .orders import orders_of
 from .plain import rests
@@ -80,7 +80,15 @@ def _stribeck(problem: Problem, scales: Scales, name: str, at: int, known: Value
 
 
 def _gain(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:
-    return [_added(name, at, known or {"gain": 1.0}, {"gain": 0.2})]
+    """A constant, or one that droops where the torque is high, of which a fit begins without."""
+    steady = _added(name, at, known or {"gain": 1.0}, {"gain": 0.2})
+
+    def drooping(beta: Vector) -> Values | None:
+        values = steady.values(beta[:1])
+        return values | {DROOP: float(beta[1])} if values and beta[1] > 0.0 else values
+
+    scale = np.array([*steady.scale, 0.1 / max(float(scales.torque[at - 1]), 1e-9) ** 2])
+    return [steady, Hypothesis(name, at, "droops", drooping, scale, np.array([*steady.lower, 0.0]))]
 
 
 def _controller(problem: Problem, scales: Scales, name: str, at: int, known: Values | None) -> list[Hypothesis]:

@@ -2,10 +2,11 @@
 
 Springs that stiffen, T = K s (1 + stiffening s^2): harmonic drives, bearings and bent arms do so, by half and more
 under their own load. Torque limits that are felt before they are reached: a motor that saturates gives ever less of
-what it is asked for, over a knee. Waves that come twice as often as well: a motor's ripple does so, and a gear's
-error, of which inertia makes four times as much. Then the catalogue's law leaves most of the gap, or another cause is
-nearer to it. No table of a database and no engine knows these numbers: they go with a finding's row while causes
-compete, and go out of it with the catalogue's nearest law in its place.
+what it is asked for, over a knee. Torque constants that droop, T = gain tau / sqrt(1 + 2 droop tau^2), as a motor's
+iron saturates. Waves that come twice as often as well: a motor's ripple does so, and a gear's error, of which inertia
+makes four times as much. Then the catalogue's law leaves most of the gap, or another cause is nearer to it. No table
+of a database and no engine knows these numbers: they go with a finding's row while causes compete, and go out of it
+with the catalogue's nearest law in its place.
 """
 
 from __future__ import annotations
@@ -23,23 +24,32 @@ from .model import Rows
 
 Vector = NDArray[np.float64]
 
-# beside the columns of a row: of a spring [1/rad^2 or 1/m^2], of a torque limit its knee's width, in limits, of a wave
-# how large it comes twice as often, in its amplitudes, and with which phase [rad]
-STIFFENING, KNEE, SECOND, SECOND_PHASE = "stiffening", "knee", "second", "second_phase"
+# beside the columns of a row: of a spring [1/rad^2 or 1/m^2], of a torque limit its knee's width, in limits, of a
+# motor's constant how it droops [1/(N m)^2 or 1/N^2], of a wave how large it comes twice as often, in its amplitudes,
+# and with which phase [rad]
+STIFFENING, KNEE, DROOP, SECOND, SECOND_PHASE = "stiffening", "knee", "droop", "second", "second_phase"
 # the columns that are springs
 SPRINGS: Mapping[str, tuple[str, ...]] = {
     "joint_compliance": ("stiffness",),
     "joint_compliance_6d": ("kx", "ky", "kz", "krx", "kry", "krz"),
     "link_flexibility": ("ku", "kv"),
 }
-LIMIT = "torque_limit"
+LIMIT, CONSTANT = "torque_limit", "torque_constant"
 # the effects that go round with a position
 WAVES = ("torque_ripple", "transmission_error")
 # what each effect may have
-_NUMBERS = {**dict.fromkeys(SPRINGS, STIFFENING), LIMIT: KNEE, **dict.fromkeys(WAVES, SECOND)}
+_NUMBERS = {**dict.fromkeys(SPRINGS, STIFFENING), LIMIT: KNEE, CONSTANT: DROOP, **dict.fromkeys(WAVES, SECOND)}
 # between what they may be; a wider knee bends the torque where there is none of it, and of a wave that comes more twice
 # as often than as often, that is what comes
-RANGES = {STIFFENING: (0.0, np.inf), KNEE: (0.0, 0.2), SECOND: (0.0, 1.0), SECOND_PHASE: (-np.inf, np.inf)}
+RANGES = {
+    STIFFENING: (0.0, np.inf),
+    KNEE: (0.0, 0.2),
+    DROOP: (0.0, np.inf),
+    SECOND: (0.0, 1.0),
+    SECOND_PHASE: (-np.inf, np.inf),
+}
+# part of its gain that a motor keeps at least: it would be asked for anything where it can give no more
+LEAST_KEPT = 0.1
 # (effect, number of its place, its number beyond the catalogue) of each row that has one
 Beyond = tuple[tuple[str, int, float], ...]
 
@@ -88,10 +98,10 @@ def of_springs(beyond: Beyond) -> Beyond:
     return tuple(one for one in beyond if one[0] in SPRINGS)
 
 
-def knees(beyond: Beyond, n: int) -> tuple[float, ...]:
-    """Width of every joint's knee, in its torque limit; 0 where the torque is cut."""
-    wide = {at: value for effect, at, value in beyond if effect == LIMIT}
-    return tuple(wide.get(i + 1, 0.0) for i in range(n))
+def at_joints(beyond: Beyond, effect: str, n: int) -> tuple[float, ...]:
+    """An effect's number beyond the catalogue at every joint, 0 where it has none."""
+    there = {at: value for name, at, value in beyond if name == effect}
+    return tuple(there.get(i + 1, 0.0) for i in range(n))
 
 
 def of_joints(robot: Robot, whole: Expansion, stiffening: Beyond) -> Vector:
@@ -113,6 +123,18 @@ def places(robot: Robot, whole: Expansion, effect: str, at: int) -> list[int]:
     begins = f"{stage.arm.name if effect == 'link_flexibility' else stage.joint.name}_"
     behind = [k for k in range(own + 1, end) if whole.robot.stages[k].joint.name.startswith(begins)]
     return [own, *behind] if effect == "joint_compliance_6d" else behind
+
+
+def asked_to_give(torque: Vector, gain: Vector, droop: Vector) -> Vector:
+    """What motors are asked for where they give a torque, gain tau / sqrt(1 + 2 droop tau^2) of what they are asked.
+
+    Args:
+        torque: That they give [N m or N], shape (m, n).
+        gain: Of a small torque, shape (n,).
+        droop: [1/(N m)^2 or 1/N^2], shape (n,).
+    """
+    kept = np.maximum(gain**2 - 2.0 * droop * torque**2, (LEAST_KEPT * gain) ** 2)
+    return np.asarray(torque / np.copysign(np.sqrt(kept), gain), dtype=np.float64)
 
 
 def cut_softly(torque: Vector, limit: float, knee: float = 0.0) -> Vector:

@@ -92,7 +92,9 @@ def found_of(contender: Contender, rows: Rows) -> Found:
     nothing = hypothesis.rows(np.zeros(len(hypothesis.scale))) if hypothesis.alone else None
     absent = nothing[hypothesis.effect][0] if nothing else None
     row = rows[hypothesis.effect][0]
-    if absent and any(math.isfinite(value) > math.isfinite(absent.values[name]) for name, value in row.values.items()):
+    if absent and any(
+        math.isfinite(value) > math.isfinite(absent.values.get(name, 0.0)) for name, value in row.values.items()
+    ):
         # what is rigid without it has no finite number there
         absent = None
     return Found(*hypothesis.key, row, contender.gain, absent)

@@ -36,7 +36,7 @@ from .diagnosis import (
 from .doubts import Doubts, doubted, doubts_of, untold
 from .experiment import Experiment, design
 from .fit import blocks
-from .forms import SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
+from .forms import DROOPS_SAID, SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
 from .found import Found, rows_of
 from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .growing import without_growing
@@ -120,7 +120,12 @@ NEAREST_HELPS_NOT = (
     "the cause is found, and the corrected model is not."
 )
 # of each law beyond the catalogue's, the one that engines have
-NEAREST = {STIFFENS_SAID: "straight spring", SOFTLY_SAID: "limit that cuts", TWICE_SAID: "plain wave"}
+NEAREST = {
+    STIFFENS_SAID: "straight spring",
+    SOFTLY_SAID: "limit that cuts",
+    DROOPS_SAID: "constant",
+    TWICE_SAID: "plain wave",
+}
 GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
-from .beyond import LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogue, harmonics
+from .beyond import CONSTANT, LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogue, harmonics
 from .fit import Part, gained, spread
 from .forms import have_other_forms, law_along, other_forms
 from .found import Found, gives_alone
@@ -92,7 +92,7 @@ def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts)
     own = fit.numbers_of(item.key)
     amounts = [k for k in own if fit.shown[k] and fit.free[k][2] not in SHAPES]
     names = [fit.free[k][2] for k in amounts]
-    away = np.array([fit.rows[item.key].values[name] - nothing[name] for name in names])
+    away = np.array([fit.rows[item.key].values[name] - nothing.get(name, 0.0) for name in names])
     if not amounts or not np.isfinite(away).all():
         return False
     doubt = np.array([doubts.get(fit.free[k], 0.0) for k in amounts])
@@ -114,7 +114,7 @@ def _beyond(problem: Problem, fit: Refined, nearest: Refined) -> dict[tuple[str,
     for (effect, at), row in fit.rows.items():
         stiffening = row.values.get(STIFFENING, 0.0)
         chord = 1.0 + stiffening * _fourth(problem, fit, effect, at) if stiffening else 1.0
-        if not stiffening and effect != LIMIT:
+        if not stiffening and effect not in (LIMIT, CONSTANT):
             continue
         for place in (place for place in nearest.free if place[:2] == (effect, at)):
             own = row.values[place[2]] * (chord if place[2] in SPRINGS.get(effect, ()) else 1.0)

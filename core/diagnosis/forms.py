@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .beyond import KNEE, LIMIT, SECOND, SPRINGS, WAVES, by_catalogue, cut_softly
+from .beyond import CONSTANT, KNEE, LIMIT, SECOND, SPRINGS, WAVES, by_catalogue, cut_softly
 from .evidence import coefficients
 from .found import Found, rows_of
 from .inverse import Said
@@ -60,8 +60,14 @@ BENT_SAID = "goes with another power of what it goes with"
 TWICE_SAID, HALF_SAID = "comes twice as often as well", "comes half as often as well"
 STIFFENS_SAID = "stiffens as it is wound up"
 SOFTLY_SAID = "is felt before it is reached"
+DROOPS_SAID = "gives ever less of what it is asked for"
 # and of an effect whose law goes beyond the catalogue's
-BEYOND_SAID = {**dict.fromkeys(SPRINGS, STIFFENS_SAID), LIMIT: SOFTLY_SAID, **dict.fromkeys(WAVES, TWICE_SAID)}
+BEYOND_SAID = {
+    **dict.fromkeys(SPRINGS, STIFFENS_SAID),
+    LIMIT: SOFTLY_SAID,
+    CONSTANT: DROOPS_SAID,
+    **dict.fromkeys(WAVES, TWICE_SAID),
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

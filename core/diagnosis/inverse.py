@@ -20,7 +20,7 @@ from ..simulation.compiled import as_it_stands, compile_text, uses_load
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
 from . import along, elastic, play
-from .beyond import Beyond, cut_softly, knees, of_joints, of_springs, places
+from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
 from .prepare import Prepared
 
@@ -101,7 +101,8 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
     gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in robot.stages])
     bias = np.array([stage.sensor.torque_offset for stage in robot.stages])
-    tau = (inertia * run.ddq + friction + (1.0 + slope) * passed) / gain
+    droop = np.array(at_joints(beyond, CONSTANT, robot.n)) if run.gains_act else np.zeros(robot.n)
+    tau = asked_to_give(inertia * run.ddq + friction + (1.0 + slope) * passed, gain, droop)
     if not imposed:
         # a torque held from its tick on makes what a continuous one would half a tick later
         rate = run.run.control.rate
@@ -112,7 +113,9 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
             # late by other than whole ticks, what acts at a tick acts for a part of one
             tau = tau - early * _slow(change, run)
     limits = tuple(stage.drive.torque_limit for stage in robot.stages)
-    asked = _asked(run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, knees(beyond, robot.n))
+    asked = _asked(
+        run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, at_joints(beyond, LIMIT, robot.n)
+    )
     return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 

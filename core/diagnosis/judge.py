@@ -14,7 +14,7 @@ from ..database import Database
 from ..effects import EffectRow
 from ..errors import MbexportError, RefusedError
 from ..recording import Run
-from .beyond import KNEE, LIMIT
+from .beyond import DROOP, KNEE, LIMIT
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
@@ -170,11 +170,12 @@ class Judge:
         Nor what gives, where simulation hides the gap in its noise and the motion of runs that no fit saw has little
         left with it: no chance comes to that. Of a spring that stiffens engines know a straight one, which rings
         elsewhere, and of a limit with a knee one that cuts, which is reached elsewhere. Where the motion of runs that
-        no fit saw has little left with the law that was found, that is what there is, whatever the catalogue's does.
+        no fit saw has little left with the law that was found, that is what there is, whatever the catalogue's does;
+        and so is what stands beside it, of which that leaves as little to see.
         """
         bends = unseen.beyond < MOST_LEFT and unseen.open * unseen.beyond < LITTLE
         sure = zip(found, unseen.numbers_beyond, unseen.gains, strict=True) if bends else ()
-        others = {item.key for item, number, gain in sure if number and gain >= BEYOND_DOUBT}
+        others = {item.key for item, number, gain in sure if gain >= (BEYOND_DOUBT if number else NO_CHANCE)}
         if how_far.shrinks_by is None and unseen.open < MOSTLY:
             gives = (k for k, item in enumerate(found) if item.effect in SPRINGS)
             others |= {found[k].key for k in gives if unseen.gains[k] >= NO_CHANCE}
@@ -528,9 +529,9 @@ def _idle(
 
 
 def _as_found(item: Found, row: EffectRow) -> Found:
-    """A finding with other numbers; a limit that was found to have a knee has it still."""
-    knee = {KNEE: item.row.values[KNEE]} if item.effect == LIMIT and KNEE in item.row.values else {}
-    return replace(item, row=EffectRow(row.at, {**row.values, **knee}))
+    """A finding with other numbers; a limit that was found to have a knee has it still, and a drooping motor is one."""
+    kept = {name: item.row.values[name] for name in (KNEE, DROOP) if name in item.row.values}
+    return replace(item, row=EffectRow(row.at, {**row.values, **kept}))
 
 
 def rows_of_splits(found: Sequence[Found], numbers: Sequence[Refined]) -> tuple[tuple[EffectRow, ...], ...]:

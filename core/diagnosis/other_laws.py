@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from .beyond import (
+    CONSTANT,
+    DROOP,
     KNEE,
     LIMIT,
     RANGES,
@@ -41,6 +44,10 @@ Vector = NDArray[np.float64]
 SOFTER, HARDER = (0.55, 0.75, 0.9, 1.1), (0.05, 0.2, 0.7, 2.0)
 # of a limit that is felt before it is reached: times the one that cuts, and widths of the knee
 HIGHER, WIDER = (0.97, 1.0, 1.05, 1.15), (0.03, 0.1)
+# by which part of itself the square of a gain that droops is larger without, at the root mean square torque
+DROOPS = (0.05, 0.2, 0.6)
+# and the least part of that gain that the nearest constant is
+LEAST_GIVEN = 0.3
 # and the straight spring that is nearest: times the stiffness at rest
 CHORDS = (1.0, 1.15, 1.3, 1.5, 1.75, 2.0, 2.5)
 # part of what the catalogue's law leaves above noise that one beyond it leaves, or it is the catalogue's; and the log
@@ -78,6 +85,8 @@ def beyond_catalogue(
         begun = stiffer(problem, fit, item) if left > CLOSE * loud else []
     elif item.effect == LIMIT:
         begun = with_knees(fit, item)
+    elif item.effect == CONSTANT:
+        begun = drooping(problem, fit, item)
     else:
         begun = as_harmonics(problem, whiten, fit, item) if item.effect in WAVES else []
     if not begun:
@@ -95,6 +104,20 @@ def with_knees(fit: Refined, item: Found) -> list[EffectRow]:
         EffectRow(item.at, {**values, "torque": higher * values["torque"], KNEE: knee})
         for higher in HIGHER
         for knee in WIDER
+    ]
+
+
+def drooping(problem: Problem, fit: Refined, item: Found) -> list[EffectRow]:
+    """Where fits begin of a motor whose constant droops: of the root mean square torque it gives as much as it did."""
+    row, i = fit.rows[item.key], item.at - 1
+    gain = row.values["gain"]
+    given = np.concatenate([one.tau[:, i] for one in problem.spoken(tables(fit.rows))])
+    square = float(np.mean(given**2))
+    if not square > 0.0:
+        return []
+    return [
+        EffectRow(item.at, {**row.values, "gain": gain * math.sqrt(1.0 + part), DROOP: 0.5 * part / square})
+        for part in DROOPS
     ]
 
 
@@ -159,10 +182,13 @@ def straightened(
     """The fit with the catalogue's laws in the place of those beyond it; itself where it has none.
 
     A spring that stiffens gets the straight one that is nearest, a limit with a knee one that cuts where it comes to
-    (of a lower one simulation tells more than the motion), and a wave goes without what comes twice as often.
+    (of a lower one simulation tells more than the motion), a motor that droops the constant that is nearest, and a wave
+    goes without what comes twice as often.
     """
+    optimize: Any = import_module("scipy.optimize")
     springs = [item for item in found if STIFFENING in fit.rows[item.key].values]
-    rows = {key: by_catalogue(row) if key[0] in SPRINGS else row for key, row in fit.rows.items()}
+    droops = [item for item in found if DROOP in fit.rows[item.key].values]
+    rows = {key: by_catalogue(row) if key[0] in (*SPRINGS, CONSTANT) else row for key, row in fit.rows.items()}
 
     def leaves(begun: Mapping[tuple[str, int], EffectRow]) -> float:
         rest = left_with(problem, whiten, tables(begun))
@@ -175,6 +201,20 @@ def straightened(
             for times in CHORDS
         ]
         rows[item.key] = min(chords, key=lambda row, key=item.key: leaves({**rows, key: row}))
+    unsure = np.zeros(len(fit.free))
+    for item in droops:
+        gain = rows[item.key].values["gain"]
+
+        def nearest(gain: float, item: Found = item) -> float:
+            return leaves({**rows, item.key: EffectRow(item.at, {**rows[item.key].values, "gain": gain})})
+
+        best = optimize.minimize_scalar(nearest, bounds=(LEAST_GIVEN * gain, gain), method="bounded").x
+        # beside a law that is not the real one the others would move to take up for it
+        rows[item.key] = EffectRow(item.at, {**rows[item.key].values, "gain": float(best)})
+        # which is nearest elsewhere is known as well as that
+        unsure[fit.free.index((*item.key, "gain"))] = gain - float(best)
+    if droops:
+        fit = replace(fit, rows=rows, covariance=fit.covariance + np.diag(unsure**2))
     if springs:
         fit = refined(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
     return _without_more(problem, whiten, fit)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..effects import EffectRow, effect_named
-from .beyond import RANGES, SECOND_PHASE
+from .beyond import DROOP, RANGES, SECOND_PHASE
 from .fit import Part, spread
 from .model import Rows, tables
 from .nuisances import Whitening
@@ -30,7 +30,7 @@ _HELD = {"hysteresis": ("slips",), "backlash": ("damping",)}
 # numbers that are fitted even where they are what they are by default
 _ALWAYS = {"base_tilt": ("roll", "pitch"), "controller_gain": ("kp", "kd"), "link_flexibility": ("at",)}
 # numbers that say how an effect goes, not how much of it there is
-SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", *RANGES)
+SHAPES = ("phase", "cycles", "velocity", "rest", "slips", "at", *(name for name in RANGES if name != DROOP))
 _EVALUATIONS = 25
 # change of the sum of squares, or of the numbers, from which a fit has come to its end
 ROUGHLY, CLOSELY = 1.0e-4, 1.0e-6
@@ -130,7 +130,7 @@ def removal(fit: Refined, key: tuple[str, int], absent: EffectRow) -> Removal:
 def _gone(fit: Refined, key: tuple[str, int], absent: EffectRow, own: Sequence[int]) -> Vector:
     """What becomes of a finding's own numbers where it goes: how it went stays, for none of it goes in any way."""
     values, names = fit.rows[key].values, [fit.free[k][2] for k in own]
-    return np.array([0.0 if name in SHAPES else absent.values[name] - values[name] for name in names])
+    return np.array([0.0 if name in SHAPES else absent.values.get(name, 0.0) - values[name] for name in names])
 
 
 def covariance_of(information: Vector) -> Vector:

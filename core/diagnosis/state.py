@@ -28,7 +28,7 @@ Vector = NDArray[np.float64]
 # part of the gap's energy that is next to nothing of it
 CRUMB = 0.05
 # effects with so many numbers that they may be found with some of them and need the others later
-PARTIAL = ("kinematic_error", "link_inertia", "payload")
+PARTIAL = ("kinematic_error", "link_inertia", "payload", "torque_constant")
 # curved findings with so much evidence need not be taken out on trial
 BEYOND_DOUBT = 100.0
 

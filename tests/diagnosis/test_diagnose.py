@@ -369,6 +369,17 @@ def test_what_gives_stays_where_only_simulation_hides_the_gap_that_it_closes(eff
     assert (_idle([gives], unseen.gains, told, kept) is None) == stays
 
 
+@pytest.mark.parametrize(("beyond", "gain", "stays"), [(0.01, 500.0, True), (0.01, 20.0, False), (1.0, 500.0, False)])
+def test_beside_a_law_that_no_engine_has_simulation_judges_nothing_that_is_beyond_doubt(beyond, gain, stays):
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(duration=1.0)])
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(1, 0), ())
+    droops = Found("torque_constant", 1, EffectRow(1, {"gain": 1.0, "droop": 0.01}), 50.0)
+    both = [droops, Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.1}), 50.0)]
+    unseen = Unseen((900.0, gain), (9.0, 9.0), (1.0, 1.0), (1.0, 1.0), ((),), 0.9, True, beyond, (0.01, 0.0))
+    told = far(-0.1, {"torque_constant joint_1": 0.0, "coulomb_friction joint_1": 0.0}, (-0.2, 0.0))
+    assert (both[1].key in judge._kept_anyway(both, unseen, told)) == stays
+
+
 def test_a_delay_that_does_not_help_goes_whatever_its_evidence():
     """A torque stamped one tick late says as much along the motion."""
     late, rubs = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("delay", "coulomb_friction"))
