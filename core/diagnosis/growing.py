@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from .fit import blocks, spread
 from .forms import torque_column
 from .held import GROWS, Held
 from .judge import Judge
-from .refine import refined
+from .refine import Refined, refined
 from .tried import ALIKE
 
 # part of what Coulomb's friction lost that Stribeck's may have got more or less
@@ -35,6 +36,10 @@ def without_growing(judge: Judge, held: Held) -> Held:
         for row in judge.whole.known.get(name, ())
     }
     totals = {item.key: item.row.values for item in held.found}
+    # the same whichever joint is asked about
+    fit: Callable[[], Refined] = cache(
+        lambda: refined(judge.whole, judge.whiten, held.found, blocks(judge.whole.evidence))
+    )
     for joint in range(1, judge.database.n + 1):
         laws = [(effect, joint) for effect in ("coulomb_friction", *BESIDE_IT)]
         less, more, faster = (
@@ -44,23 +49,31 @@ def without_growing(judge: Judge, held: Held) -> Held:
         if not faster > 0.0:
             continue
         if laws[0] in before and less < 0.0:
-            follows = abs(less + more) < AS_MUCH * -less if laws[1] in totals else _drag(judge, held, laws) > -ALIKE
+            follows = (
+                abs(less + more) < AS_MUCH * -less if laws[1] in totals else _drag(judge, held, fit(), laws) > -ALIKE
+            )
             if follows:
                 rest = judge.held([item for item in held.found if item.key not in laws[:2]])
                 gone = tuple(
                     Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2] if (effect, at) in totals
                 )
                 return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
-        if _drag(judge, held, laws[2:]) > SAYS_MORE:
+        if _drag(judge, held, fit(), laws[2:]) > SAYS_MORE:
             return replace(held, growing=joint)
     return held
 
 
-def _drag(judge: Judge, held: Held, laws: Collection[tuple[str, int]]) -> float:
-    """How much more what goes with the square of a joint's speed says than these laws of it, in log evidence."""
+def _drag(judge: Judge, held: Held, fit: Refined, laws: Collection[tuple[str, int]]) -> float:
+    """How much more what goes with the square of a joint's speed says than these laws of it, in log evidence.
+
+    Args:
+        judge: Of all runs.
+        held: The findings.
+        fit: Of all of them.
+        laws: Of one joint, among them.
+    """
     part, whiten = judge.whole, judge.whiten
     parts = blocks(part.evidence)
-    fit = refined(part, whiten, held.found, parts)
     others = [item for item in held.found if item.key not in laws]
     left, slope = whiten(part.residual({})), np.zeros((len(fit.left), 0))
     if others:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -185,7 +185,6 @@ def straightened(
     (of a lower one simulation tells more than the motion), a motor that droops the constant that is nearest, and a wave
     goes without what comes twice as often.
     """
-    optimize: Any = import_module("scipy.optimize")
     springs = [item for item in found if STIFFENING in fit.rows[item.key].values]
     droops = [item for item in found if DROOP in fit.rows[item.key].values]
     rows = {key: by_catalogue(row) if key[0] in (*SPRINGS, CONSTANT) else row for key, row in fit.rows.items()}
@@ -203,21 +202,30 @@ def straightened(
         rows[item.key] = min(chords, key=lambda row, key=item.key: leaves({**rows, key: row}))
     unsure = np.zeros(len(fit.free))
     for item in droops:
-        gain = rows[item.key].values["gain"]
-
-        def nearest(gain: float, item: Found = item) -> float:
-            return leaves({**rows, item.key: EffectRow(item.at, {**rows[item.key].values, "gain": gain})})
-
-        best = optimize.minimize_scalar(nearest, bounds=(LEAST_GIVEN * gain, gain), method="bounded").x
-        # beside a law that is not the real one the others would move to take up for it
-        rows[item.key] = EffectRow(item.at, {**rows[item.key].values, "gain": float(best)})
+        before = rows[item.key].values["gain"]
+        # all else as it is: beside a law that is not the real one it would move to take up for it
+        rows[item.key] = _nearest_constant(rows[item.key], lambda row, key=item.key: leaves({**rows, key: row}))
         # which is nearest elsewhere is known as well as that
-        unsure[fit.free.index((*item.key, "gain"))] = gain - float(best)
+        unsure[fit.free.index((*item.key, "gain"))] = before - rows[item.key].values["gain"]
     if droops:
         fit = replace(fit, rows=rows, covariance=fit.covariance + np.diag(unsure**2))
     if springs:
         fit = refined(problem, whiten, [replace(item, row=rows[item.key]) for item in found], parts)
     return _without_more(problem, whiten, fit)
+
+
+def _nearest_constant(row: EffectRow, leaves: Callable[[EffectRow], float]) -> EffectRow:
+    """A torque constant's row with the gain that leaves least, no larger than what a small torque has."""
+    optimize: Any = import_module("scipy.optimize")
+
+    def of(gain: float) -> EffectRow:
+        return EffectRow(row.at, {**row.values, "gain": gain})
+
+    def left(gain: float) -> float:
+        return leaves(of(gain))
+
+    most = row.values["gain"]
+    return of(float(optimize.minimize_scalar(left, bounds=(LEAST_GIVEN * most, most), method="bounded").x))
 
 
 def _without_more(problem: Problem, whiten: Whitening, fit: Refined) -> Refined:

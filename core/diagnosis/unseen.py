@@ -140,11 +140,11 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             if len(ways) > 1 and _moved(seen.left(others), fit.left, fitted) < NOTHING:
                 # its numbers stayed where they began, and that the runs to judge by have seen
                 continue
-            kept = others
-            moves[k] += _moved(unseen.left(others), left, sigma) ** 2
+            kept, rest = others, unseen.left(others)
+            moves[k] += _moved(rest, left, sigma) ** 2
             if item.absent is not None:
                 kept = _with(others, removal(fit, item.key, item.absent).rows)
-            rest = unseen.left(kept)
+                rest = unseen.left(kept)
             if others and (item.absent is None or float(np.mean(rest**2)) > 0.01 * FAR**2):
                 # or where no such robot can be with the others as they would move
                 kept = _with(others, seen.fit(others).rows)

@@ -258,11 +258,12 @@ def how_far_in_words(diagnosis: Diagnosis) -> str:
 def open_in_words(diagnosis: Diagnosis) -> str:
     """What is left, in one sentence; "" where that is nothing."""
     rest = diagnosis.unexplained
+    looks = rest.looks_like.strip().rstrip(".")
     if diagnosis.verdict == "no_gap" or rest.share <= 0.0:
-        return ""
+        # what evidence tells of a cause, be it no louder than noise
+        return f"Not explained: {looks}; what was found leaves no more than noise of it." if looks else ""
     joints = [name for name, share in sorted(rest.joints.items(), key=lambda item: -item[1]) if share > 0.1][:2]
     at = f", most of it at {listed(place_in_words(name) for name in joints)}" if joints else ""
-    looks = rest.looks_like.strip().rstrip(".")
     if diagnosis.verdict == "explained":
         if rest.share > MUCH:
             return (

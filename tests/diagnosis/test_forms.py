@@ -224,6 +224,18 @@ def speaks_against(against, item, adequate=True):
     return contradicted(judge, held)
 
 
+def test_what_evidence_tells_of_what_noise_hides_is_said():
+    """Else nobody knows why a gap that is down to the noise is explained in part."""
+    held = SimpleNamespace(growing=6, open=0.0)
+    rest = _unexplained("partly_explained", None, held, None, None)
+    answer = SimpleNamespace(verdict="partly_explained", unexplained=rest)
+    assert open_in_words(answer) == (
+        "Not explained: a resistance that grows faster than with the speed of joint 6; what was found leaves no more "
+        "than noise of it."
+    )
+    assert open_in_words(SimpleNamespace(verdict="explained", unexplained=Unexplained(0.0, {}, ""))) == ""
+
+
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
     damps = replace(DAMPS, row=EffectRow(1, {"coefficient": 0.5}))
     assert speaks_against(lambda t, q, dq: 0.5 * dq, damps) is None
