@@ -62,6 +62,7 @@ from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, un
 from .state import BEYOND_DOUBT, Search, part_open, prune
 from .told_apart import told_apart
 from .tolerated import with_tolerances
+from .tried import ALIKE_SHARE
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .words import cause_in_words, percent, place_in_words, variable_in_words
 
@@ -399,7 +400,7 @@ class _Diagnosing:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
         fit, names = self._names(state, held.found)
         names, better = told_apart(judge, held.found, names)
-        if better is not None and (again := judge.held(better)).by > held.by - HELPS:
+        if better is not None and (again := judge.held(better)).open < held.open + ALIKE_SHARE:
             held = replace(again, growing=held.growing, rings=held.rings)
             fit, names = self._names(state, held.found)
             names, _ = told_apart(judge, held.found, names)

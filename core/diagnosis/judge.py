@@ -15,6 +15,7 @@ from ..effects import EffectRow
 from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from .beyond import DROOP, KNEE, LIMIT
+from .bounces import Bounces, bounces
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
@@ -46,7 +47,7 @@ from .nuisances import STAMPS_OF_TAU, Whitening, whitening
 from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, polished, unsure
 from .problem import Problem, problem
-from .refine import Refined, refined, vanished
+from .refine import PLAY, Refined, refined, vanished
 from .resimulate import mode_of, residuals, resimulated, steps_of
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits
@@ -171,7 +172,8 @@ class Judge:
         left with it: no chance comes to that. Of a spring that stiffens engines know a straight one, which rings
         elsewhere, and of a limit with a knee one that cuts, which is reached elsewhere. Where the motion of runs that
         no fit saw has little left with the law that was found, that is what there is, whatever the catalogue's does;
-        and so is what stands beside it, of which that leaves as little to see.
+        and so is what stands beside it, of which that leaves as little to see. Nor does it judge play in which an arm
+        bounces, where what it leaves is no more than it makes of next to nothing.
         """
         bends = unseen.beyond < MOST_LEFT and unseen.open * unseen.beyond < LITTLE
         sure = zip(found, unseen.numbers_beyond, unseen.gains, strict=True) if bends else ()
@@ -179,7 +181,23 @@ class Judge:
         if how_far.shrinks_by is None and unseen.open < MOSTLY:
             gives = (k for k, item in enumerate(found) if item.effect in SPRINGS)
             others |= {found[k].key for k in gives if unseen.gains[k] >= NO_CHANCE}
+        loose = {
+            item.key
+            for item, gain in zip(found, unseen.gains, strict=True)
+            if item.effect == PLAY and gain >= NO_CHANCE and how_far.shrinks_by is not None
+        }
+        if loose - others and (bounced := self.bounces(found, unseen)) and bounced.says_all:
+            others |= loose
         return self._needed(found) | others
+
+    def bounces(self, found: Sequence[Found], unseen: Unseen) -> Bounces | None:
+        """What bouncing in play makes of next to nothing on runs that no fit saw; None where nothing has play."""
+        judged_by = [
+            (self.runs[k], [replace(item, row=row) for item, row in zip(found, rows, strict=True)])
+            for way, rows in zip(self.ways, unseen.rows, strict=True)
+            for k in way.unseen
+        ]
+        return bounces(self.database, self.level, self.backend, judged_by)
 
     def _closed(self, held: Held, small: Sequence[Found]) -> Held:
         """With the small cause that closes the gap in simulation, where one does: a loop may make much of it."""

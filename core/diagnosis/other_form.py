@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave
-from .found import Found
+from .forms import BEYOND_SAID, BOUNCES_SAID, HALF_SAID, TWICE_SAID, is_wave
 from .gap import SHOWS_IN_BAND
-from .held import LITTLE, MOST_LEFT, Held
+from .held import HELPS, LITTLE, MOST_LEFT, Held
 from .judge import Judge
-from .refine import PLAY, widths_about
-from .unseen import OTHER_FORM, Along, Bent, along, bent
+from .refine import PLAY
+from .unseen import OTHER_FORM, Along, Bent, along, bent, of_other_widths
 
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
 # well may leave more, as inertia takes it by the square of how often it comes
@@ -23,10 +19,15 @@ CONTRADICTS = 0.3
 def other_form(judge: Judge, held: Held) -> Bent | None:
     """Which other form of a finding's law what is left goes as, where that leaves next to nothing of the gap.
 
-    Or little of it, of a law beyond the catalogue's.
+    Or little of it, of a law beyond the catalogue's. Play in which an arm bounces has as many forms as runs.
     """
     if not held.found or held.explains:
         return None
+    return _form_of(judge, held) or _bouncing(judge, held)
+
+
+def _form_of(judge: Judge, held: Held) -> Bent | None:
+    """Another form of a law that what is left goes as."""
     bends, beyond = held.unseen.beyond, None
     if bends < MOST_LEFT and held.open * bends < LITTLE:
         place = next(k for k, number in enumerate(held.unseen.numbers_beyond) if number)
@@ -44,6 +45,17 @@ def other_form(judge: Judge, held: Held) -> Bent | None:
     return form if form.leaves < MOST_LEFT and held.open * form.leaves < OTHER_FORM else beyond
 
 
+def _bouncing(judge: Judge, held: Held) -> Bent | None:
+    """Play in which an arm bounces, where what is left of a gap that it makes smaller is no more than that makes."""
+    if held.adequate or held.by < HELPS:
+        return None
+    bounced = judge.bounces(held.found, held.unseen)
+    place = next((k for k, item in enumerate(held.found) if item.effect == PLAY), None)
+    if bounced is None or place is None or not bounced.says_all or held.open * bounced.leaves >= OTHER_FORM:
+        return None
+    return Bent(bounced.leaves, place, BOUNCES_SAID)
+
+
 def contradicted(judge: Judge, held: Held) -> Along | None:
     """What the measured motion has left of a gap that simulation takes for closed; None where that is little.
 
@@ -53,7 +65,7 @@ def contradicted(judge: Judge, held: Held) -> Along | None:
         return None
     left = along(judge.whole, judge.whiten, held.found, judge.ways)
     if _speaks_against(left, held):
-        others = (along(judge.whole, judge.whiten, found, judge.ways) for found in _of_other_widths(held.found))
+        others = (along(judge.whole, judge.whiten, found, judge.ways) for found in of_other_widths(held.found))
         left = min((left, *others), key=lambda one: one.share)
     if not _speaks_against(left, held):
         return None
@@ -65,13 +77,3 @@ def contradicted(judge: Judge, held: Held) -> Along | None:
 def _speaks_against(left: Along, held: Held) -> bool:
     """Whether so much is left along the motion that it contradicts."""
     return left.share * held.unseen.beyond >= CONTRADICTS and left.loudest >= SHOWS_IN_BAND
-
-
-def _of_other_widths(found: Sequence[Found]) -> list[list[Found]]:
-    """Findings with each play a little narrower or wider."""
-    return [
-        [replace(other, row=row) if other is item else other for other in found]
-        for item in found
-        if item.effect == PLAY
-        for row in widths_about(item.row)
-    ]

@@ -9,12 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .beyond import SPRINGS
+from .beyond import SPRINGS, STIFFENING
 from .contender import THRESHOLD, Contender
 from .fit import Part, energy_of, gained, spread
 from .found import Found, rows_of
 from .hypothesis import Hypothesis
 from .model import merged
+from .other_laws import begun_from, stiffer
 from .refine import Refined, left_with, refined
 from .resonance import clearances, springs, stiffening
 from .state import Search, loudness, prune
@@ -26,6 +27,8 @@ Vector = NDArray[np.float64]
 # cause takes so much either, they are the first to be. And where neither straight ones nor play take as little as this,
 # nothing gives
 RINGS, HINTS = 0.3, 0.0025
+# part of a spring's evidence that a cause has which may be no more than how that spring stiffens
+SMALL = 0.05
 # springs to either side of the likeliest of a place that are tried again
 BESIDE = 1
 # at how many of the loudest joints the widths of play are tried finely
@@ -77,6 +80,29 @@ def spring_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], R
         if energy_of(fit.left) < (energy_of(best[1].left) if best else energy_of(state.left)):
             best = [*kept, *picked], fit
     return best
+
+
+def stiffens_instead(state: Search, parts: Sequence[Part]) -> tuple[list[Found], Refined] | None:
+    """A spring that stiffens and says what a straight one and small causes beside it say together; and its fit.
+
+    Where a straight one leaves too little to be asked for another form, others are found for what it leaves.
+    """
+    problem, whiten = state.problem, state.whiten
+    sigma = spread(state.left, parts)
+    for item in state.found:
+        small = [other for other in state.found if other.gain < SMALL * item.gain]
+        if item.effect not in SPRINGS or STIFFENING in item.row.values or not small:
+            continue
+        kept = [one for one in state.found if one not in small]
+        straight = refined(problem, whiten, kept, parts)
+        begun = stiffer(problem, straight, item)
+        if not begun:
+            continue
+        fit = begun_from(problem, whiten, kept, straight, parts, item, begun)
+        worse = 0.5 * (energy_of(fit.left / sigma) - energy_of(state.left / sigma))
+        if worse < 2.0 * (state.slope.shape[1] - fit.slope.shape[1]):
+            return kept, fit
+    return None
 
 
 def _in_place(state: Search, kept: Sequence[Found], parts: Sequence[Part]) -> Search:

@@ -20,7 +20,7 @@ from .hypotheses import names_of_one, twins_of
 from .hypothesis import GIVING, clamped
 from .instead import MOST_SWAPPED, condense, swapped
 from .refine import refined
-from .ringing import one_spring, one_that_rings, rings_first, spring_instead
+from .ringing import one_spring, one_that_rings, rings_first, spring_instead, stiffens_instead
 from .state import Search, contenders, fits_beside, prune
 from .tried import ALIKE, SAME_ENERGY, SIMPLER, best_tried
 
@@ -38,6 +38,9 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
     _gather(state, parts, tell)
     if (instead := spring_instead(state, parts)) is not None:
         prune(state, *instead, parts)
+        _gather(state, parts, tell)
+    if (bent := stiffens_instead(state, parts)) is not None:
+        prune(state, *bent, parts)
         _gather(state, parts, tell)
     condense(state, parts)
     one_spring(state, parts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from .alike import Alike
 from .beyond import SPRINGS as STIFFNESSES
@@ -37,25 +37,44 @@ def told_apart(
         )
         if short[0].nats > ALIKE and short[0].share > ALIKE_SHARE:
             best[k] = min(zip(options, short, strict=True), key=lambda pair: pair[1].nats)[0]
-        if best[k].effect != "payload":
-            # of two names of one body the load's: more hangs at a hand than is wrong with its arm
-            loads = [one.found for one in others if one.one_body and one.found.effect == "payload"]
-            far = {id(one): less.nats for one, less in zip(options, short, strict=True)}
-            best[k] = next((load for load in loads if far[id(load)] - far[id(best[k])] < ALIKE), best[k])
         alike = tuple(
             one
             for one, less in zip(others, short[1:], strict=True)
             if one.one_body or less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
         )
-        if best[k].effect == "kinematic_error":
-            # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
-            best[k] = next((one.found for one in alike if one.found.effect == "encoder_offset"), best[k])
-        if best[k].effect == "link_flexibility" and best[k].row.values["at"] <= AT_JOINT:
-            # an arm that bends where its joint is has a bearing that gives
-            best[k] = next((one.found for one in alike if one.found.key == (BEARING, best[k].at)), best[k])
-        if best[k].effect == BEARING and sum(math.isfinite(best[k].row.values[way]) for way in WAYS) == 1:
-            # a bearing gives to all sides about as much, a drive to one
-            best[k] = next((one.found for one in alike if one.found.effect == "joint_compliance"), best[k])
+        nats = {id(one): less.nats for one, less in zip(options, short, strict=True)}
+        best[k] = _called_first(best[k], others, alike, nats)
         kept.append(alike)
     changed = any(one is not other for one, other in zip(best, found, strict=True))
     return kept, tuple(best) if changed else None
+
+
+def _called_first(best: Found, others: Sequence[Alike], alike: Sequence[Alike], nats: Mapping[int, float]) -> Found:
+    """Of the name that holds best and those that say the same the likeliest.
+
+    Args:
+        best: The name that holds best.
+        others: Every other one.
+        alike: Those that hold as well.
+        nats: By its identity, how far each falls short on runs that no fit saw.
+    """
+
+    def as_good(one: Found) -> bool:
+        return nats[id(one)] - nats[id(best)] < ALIKE
+
+    if best.effect != "payload":
+        # of two names of one body the load's: more hangs at a hand than is wrong with its arm
+        loads = (one.found for one in others if one.one_body and one.found.effect == "payload")
+        best = next((load for load in loads if as_good(load)), best)
+    if best.effect == "kinematic_error":
+        # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
+        best = next((one.found for one in alike if one.found.effect == "encoder_offset"), best)
+    if best.effect == "link_flexibility":
+        # what bends where its joint is, or may as well, is a bearing that gives
+        bearings = (one for one in alike if one.found.key == (BEARING, best.at))
+        at_joint = best.row.values["at"] <= AT_JOINT
+        best = next((one.found for one in bearings if at_joint or (one.worse < ALIKE and as_good(one.found))), best)
+    if best.effect == BEARING and sum(math.isfinite(best.row.values[way]) for way in WAYS) == 1:
+        # a bearing gives to all sides about as much, a drive to one
+        best = next((one.found for one in alike if one.found.effect == "joint_compliance"), best)
+    return best

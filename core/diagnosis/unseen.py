@@ -19,7 +19,7 @@ from .gap import loudest_along, shows_in_band
 from .nuisances import Whitening
 from .other_laws import straightened
 from .problem import FAR, Problem
-from .refine import Refined, left_with, refined, removal
+from .refine import PLAY, Refined, left_with, refined, removal, widths_about
 
 Vector = NDArray[np.float64]
 
@@ -142,6 +142,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 continue
             kept, rest = others, unseen.left(others)
             moves[k] += _moved(rest, left, sigma) ** 2
+            # what play a little narrower or wider says as well is no second cause
+            loose = item.effect != PLAY and any(other.effect == PLAY for other in others)
             if item.absent is not None:
                 kept = _with(others, removal(fit, item.key, item.absent).rows)
                 rest = unseen.left(kept)
@@ -149,6 +151,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 # or where no such robot can be with the others as they would move
                 kept = _with(others, seen.fit(others).rows)
                 rest = unseen.left(kept)
+            if loose:
+                rest = min((rest, *map(unseen.left, of_other_widths(kept))), key=_energy)
             gains[k] += gained(rest, left, sigma, unseen.parts)
             shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
             for there, (part, without, beside) in enumerate(((unseen, rest, left), (seen, seen.left(kept), fit.left))):
@@ -156,7 +160,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 doubted[k] |= forms is not None
                 taken[there, k] += (all_of_it := _energy(without) - _energy(beside))
                 own[there, k] += all_of_it if forms is None else _energy(forms(without)) - _energy(forms(beside))
-    alone: Vector = np.where(taken > 0.0, own / np.maximum(taken, 1e-300), np.where(doubted, 0.0, 1.0))
+    nothing_taken = np.broadcast_to(np.where(doubted, 0.0, 1.0), taken.shape)
+    alone = np.divide(own, taken, out=nothing_taken.copy(), where=taken > 0.0)
     most: Vector = np.maximum(alone[0], alone[1])
     loud, still, bends = sums.tolist()
     part = min(1.0, max(0.0, still / loud)) if loud > 0.0 else 1.0
@@ -300,6 +305,16 @@ def fall_short(
     best = int(np.argmin(nats))
     share = (energy - energy[best]) / max(nothing - float(energy[best]), 1e-9)
     return tuple(Short(float(n - nats[best]), float(part)) for n, part in zip(nats, share, strict=True))
+
+
+def of_other_widths(found: Sequence[Found]) -> list[list[Found]]:
+    """Findings with each play a little narrower or wider."""
+    return [
+        [replace(other, row=row) if other is item else other for other in found]
+        for item in found
+        if item.effect == PLAY
+        for row in widths_about(item.row)
+    ]
 
 
 def _with(found: Sequence[Found], rows: Mapping[tuple[str, int], EffectRow]) -> list[Found]:

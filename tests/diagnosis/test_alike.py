@@ -33,16 +33,19 @@ def test_an_arm_that_bends_where_its_joint_is_has_a_bearing_that_gives(monkeypat
     judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
     rigid = {column.name: column.default for column in effect_named("joint_compliance_6d").columns}
     bearing = Found("joint_compliance_6d", 1, EffectRow(1, {**rigid, "krx": 800.0, "brx": 0.5}), 50.0)
-    for at, nats, name in (
-        (SHORTEST_PART, 3.0, "joint_compliance_6d"),
-        (0.4, 3.0, "link_flexibility"),
-        (SHORTEST_PART, 30.0, "link_flexibility"),
+    for at, worse, nats, name in (
+        (SHORTEST_PART, 0.0, 3.0, "joint_compliance_6d"),
+        # nothing tells where it bends
+        (0.4, 0.0, 3.0, "joint_compliance_6d"),
+        (0.4, 1.2 * ALIKE, 3.0, "link_flexibility"),
+        (0.4, 0.0, 1.2 * ALIKE, "link_flexibility"),
+        (SHORTEST_PART, 0.0, 30.0, "link_flexibility"),
     ):
         short = (Short(0.0, 0.0), Short(nats, 0.05))
         monkeypatch.setattr("mbexport.core.diagnosis.told_apart.fall_short", lambda *_, short=short: short)
         bend = {"ku": 800.0, "kv": 900.0, "bu": 0.5, "bv": 0.5, "at": at}
         arm = Found("link_flexibility", 1, EffectRow(1, bend), 50.0)
-        _, better = told_apart(judge, [arm], [(Alike(bearing, 0.0, 0.0),)])
+        _, better = told_apart(judge, [arm], [(Alike(bearing, worse, 0.0),)])
         assert [item.effect for item in better or [arm]] == [name]
 
 

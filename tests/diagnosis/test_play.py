@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis import inverse, other_form, play, refine
+from mbexport.core.diagnosis import inverse, other_form, play, refine, unseen
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found, rows_of
 from mbexport.core.diagnosis.how_far import Fold, how_far
@@ -156,3 +156,27 @@ def test_where_nothing_is_known_of_a_controller_play_is_judged_along_the_motion(
     assert answer.backends == {}
     assert sorted(answer.refused) == ["exudyn", "mjcf"]
     assert all("walls" in why for why in answer.refused.values())
+
+
+@pytest.mark.parametrize(("offset", "second"), [(0.0, False), (1.0, True)])
+def test_beside_play_only_what_no_other_width_says_is_a_second_cause(rattles, monkeypatch, offset, second):
+    """What a fit of play that is caught beside the truth leaves, something else takes a little of."""
+    robot, runs, _ = rattles
+    biased = [replace(run, signals={**run.signals, "tau": run.signals["tau"] + offset}) for run in runs]
+    asked = problem(robot, "full", biased)
+    bias = Found("torque_offset", 1, EffectRow(1, FrozenMap({"torque": offset or 0.02})), 50.0)
+    found = [play_of(1.05 * GAP), bias]
+    caught = Refined({item.key: item.row for item in found}, np.zeros(0), (), np.zeros((0, 0)), np.zeros((0, 0)), ())
+
+    def fitted(part, some):
+        left = left_with(part.problem, part.whiten, rows_of(some))
+        return replace(caught, rows={item.key: item.row for item in some}, left=left)
+
+    monkeypatch.setattr(unseen._Part, "fit", fitted)
+    monkeypatch.setattr(unseen, "straightened", lambda problem, whiten, found, fit, parts: fit)
+    worth = unseen.judged(asked, whitening(asked), found, splits(2, 1))
+    assert (worth.gains[1] > unseen.EARNS) is second
+    monkeypatch.setattr(refine, "ABOUT", ())
+    easier = unseen.judged(asked, whitening(asked), found, splits(2, 1))
+    assert easier.gains[1] > worth.gains[1] + 10.0
+    assert easier.gains[0] == pytest.approx(worth.gains[0])

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,13 +21,14 @@ from mbexport.core.diagnosis.other_laws import beyond_catalogue, straightened
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resonance import springs, stiffening
-from mbexport.core.diagnosis.ringing import RINGS, rings_first
+from mbexport.core.diagnosis.ringing import RINGS, SMALL, rings_first, stiffens_instead
 from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.state import Search
 from mbexport.core.effects import EffectRow
 from mbexport.core.expansion import expanded
 
 from .pendulums import INERTIA, WEIGHT, soft_run
+from .searching import having
 
 OMEGA = 30.0
 SPRING = {"stiffness": INERTIA * OMEGA**2, "damping": 0.3}
@@ -97,6 +99,28 @@ def test_a_spring_that_is_thrown_beyond_all_numbers_stretches_by_nothing_that_co
 def test_a_straight_spring_stays_one():
     question, parts, straight, before = fitted(0.0)
     assert beyond_catalogue(*question, [spring()], straight, parts, spring(), before) is straight
+
+
+@pytest.mark.parametrize("stiffening", [STIFFER, 0.0])
+def test_a_spring_that_stiffens_takes_the_place_of_a_straight_one_and_what_is_small_beside_it(stiffening):
+    """And not where a straight one and the other say more."""
+    offset = 0.0 if stiffening else 0.02
+    runs = [soft_run(**SPRING, stiffening=stiffening, seed=seed) for seed in (1, 2)]
+    runs = [replace(one, signals={**one.signals, "tau": one.signals["tau"] + offset}) for one in runs]
+    asked = problem(load("pendulum"), "rigid", runs)
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    small = Found("torque_offset", 1, EffectRow(1, {"torque": 0.02}), 0.5 * SMALL * spring().gain)
+    state = having(asked, whiten, parts, [spring(), small])
+    bent = stiffens_instead(state, parts)
+    if not stiffening:
+        assert bent is None
+        return
+    kept, fit = bent
+    assert [item.effect for item in kept] == ["joint_compliance"]
+    assert fit.rows["joint_compliance", 1].values[STIFFENING] == pytest.approx(STIFFER, rel=0.02)
+    # another cause that is as large stays
+    large = having(asked, whiten, parts, [spring(), replace(small, gain=2.0 * SMALL * spring().gain)])
+    assert stiffens_instead(large, parts) is None
 
 
 def test_what_is_no_spring_has_no_stiffening():
