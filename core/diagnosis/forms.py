@@ -61,7 +61,6 @@ TWICE_SAID, HALF_SAID = "comes twice as often as well", "comes half as often as 
 STIFFENS_SAID = "stiffens as it is wound up"
 SOFTLY_SAID = "is felt before it is reached"
 DROOPS_SAID = "gives ever less of what it is asked for"
-BOUNCES_SAID = "lets its arm bounce, each time another way"
 # and of an effect whose law goes beyond the catalogue's
 BEYOND_SAID = {
     **dict.fromkeys(SPRINGS, STIFFENS_SAID),

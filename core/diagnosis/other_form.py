@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from .forms import BEYOND_SAID, BOUNCES_SAID, HALF_SAID, TWICE_SAID, is_wave
+from .forms import BEYOND_SAID, HALF_SAID, TWICE_SAID, is_wave
 from .gap import SHOWS_IN_BAND
 from .held import HELPS, LITTLE, MOST_LEFT, Held
 from .judge import Judge
 from .refine import PLAY
 from .unseen import OTHER_FORM, Along, Bent, along, bent, of_other_widths
+from .words import BOUNCES_SAID
 
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
 # well may leave more, as inertia takes it by the square of how often it comes
@@ -47,11 +48,11 @@ def _form_of(judge: Judge, held: Held) -> Bent | None:
 
 def _bouncing(judge: Judge, held: Held) -> Bent | None:
     """Play in which an arm bounces, where what is left of a gap that it makes smaller is no more than that makes."""
-    if held.adequate or held.by < HELPS:
+    place = next((k for k, item in enumerate(held.found) if item.effect == PLAY), None)
+    if place is None or held.adequate or held.by < HELPS:
         return None
     bounced = judge.bounces(held.found, held.unseen)
-    place = next((k for k, item in enumerate(held.found) if item.effect == PLAY), None)
-    if bounced is None or place is None or not bounced.says_all or held.open * bounced.leaves >= OTHER_FORM:
+    if bounced is None or not bounced.says_all or held.open * bounced.leaves >= OTHER_FORM:
         return None
     return Bent(bounced.leaves, place, BOUNCES_SAID)
 

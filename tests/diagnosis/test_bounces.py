@@ -9,13 +9,14 @@ import pytest
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import other_form
 from mbexport.core.diagnosis.bounces import MOST_MADE, UNSAID, Bounces, bounces
-from mbexport.core.diagnosis.forms import BOUNCES_SAID
+from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.judge import NO_CHANCE, Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.unseen import Unseen, splits
+from mbexport.core.diagnosis.words import BOUNCES_SAID, open_in_words
 from mbexport.core.effects import EffectRow
 
 from .pendulums import INERTIA, rattling_run
@@ -112,3 +113,13 @@ def test_a_gap_that_play_makes_smaller_is_explained_where_the_rest_bounces(judge
     )
     form = other_form.other_form(judge, held)
     assert (form.said if form else None) == said
+
+
+def test_what_is_left_of_a_bouncing_arms_gap_is_told_as_that():
+    rest = Unexplained(0.16, {"joint_1": 1.0}, f"backlash at joint 1, which {BOUNCES_SAID}")
+    answer = SimpleNamespace(verdict="explained", unexplained=rest)
+    assert open_in_words(answer) == (
+        "Left in the corrected model: 16 % of the gap's energy, most of it at joint 1. An arm that bounces in its play "
+        "goes another way each time: robots with nearly the same play come as far apart in simulation."
+    )
+    assert "Not explained" in open_in_words(SimpleNamespace(verdict="partly_explained", unexplained=rest))
