@@ -16,6 +16,7 @@ from .fit import Part, blocks, edges_of, gained, spread
 from .forms import Forms, beyond_forms
 from .found import Found, rows_of
 from .gap import loudest_along, shows_in_band
+from .hypothesis import clamped
 from .nuisances import Whitening
 from .other_laws import straightened
 from .problem import FAR, Problem
@@ -142,8 +143,8 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
                 continue
             kept, rest = others, unseen.left(others)
             moves[k] += _moved(rest, left, sigma) ** 2
-            # what play a little narrower or wider says as well is no second cause
-            loose = item.effect != PLAY and any(other.effect == PLAY for other in others)
+            # what play a little narrower or wider says as well is no second cause, where arms bounce in it
+            loose = item.effect != PLAY and any(o.effect == PLAY and not clamped(problem, o.at) for o in others)
             if item.absent is not None:
                 kept = _with(others, removal(fit, item.key, item.absent).rows)
                 rest = unseen.left(kept)
