@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from .alike import Alike
 from .beyond import SPRINGS as STIFFNESSES
@@ -45,8 +46,10 @@ def told_apart(
         nats = {id(one): less.nats for one, less in zip(options, short, strict=True)}
         best[k] = _called_first(best[k], others, alike, nats)
         kept.append(alike)
-    changed = any(one is not other for one, other in zip(best, found, strict=True))
-    return kept, tuple(best) if changed else None
+    if all(one is other for one, other in zip(best, found, strict=True)):
+        return kept, None
+    # the evidence is that of all names which say the same
+    return kept, tuple(replace(one, gain=max(one.gain, other.gain)) for one, other in zip(best, found, strict=True))
 
 
 def _called_first(best: Found, others: Sequence[Alike], alike: Sequence[Alike], nats: Mapping[int, float]) -> Found:

@@ -80,9 +80,10 @@ def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch,
     )
     none = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0)
     arm = Found("kinematic_error", 1, EffectRow(1, none | {"theta": 0.01}), 50.0)
-    encoder = Found("encoder_offset", 1, EffectRow(1, {"offset": 0.01}), 50.0)
+    encoder = Found("encoder_offset", 1, EffectRow(1, {"offset": 0.01}), 0.0)
     _, better = told_apart(judge, [arm], [(Alike(encoder, 0.0, 0.0),)])
-    assert [item.effect for item in better or [arm]] == [name]
+    # by whatever name, the evidence is that of both
+    assert [(item.effect, item.gain) for item in better or [arm]] == [(name, 50.0)]
 
 
 def test_a_robot_that_cannot_be_mimics_nothing():
