@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..database import Database
-from ..effects import EffectRow
 from ..errors import RefusedError
 from ..recording import Run
 from .blocks import Blocks, Sums
 from .found import Found, rows_of
 from .model import robot_of
 from .noise import noise_floor
-from .refine import PLAY
+from .refine import PLAY, as_wide
 from .resimulate import mode_of, residuals, resimulated
 
 Vector = NDArray[np.float64]
@@ -90,12 +89,7 @@ def bounces(
 
 def _as_wide(found: Sequence[Found], part: float) -> list[Found]:
     """Findings with every play wider by a factor."""
-    return [
-        replace(item, row=EffectRow(item.at, {**item.row.values, "gap": item.row.values["gap"] * part}))
-        if item.effect == PLAY
-        else item
-        for item in found
-    ]
+    return [replace(item, row=as_wide(item.row, part)) if item.effect == PLAY else item for item in found]
 
 
 def _squared_gap(powers: Mapping[str, Vector], sums: Sums) -> float:

@@ -221,9 +221,14 @@ def refined(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     return replace(best, rows=whole, left=left_with(problem, whiten, tables(whole)))
 
 
+def as_wide(row: EffectRow, part: float) -> EffectRow:
+    """Play so many times as wide."""
+    return EffectRow(row.at, {**row.values, "gap": row.values["gap"] * part})
+
+
 def widths_about(row: EffectRow) -> list[EffectRow]:
     """Play a little narrower and wider: of an arm that bounces no motion tells the width exactly."""
-    return [EffectRow(row.at, {**row.values, "gap": row.values["gap"] * part}) for part in ABOUT]
+    return [as_wide(row, part) for part in ABOUT]
 
 
 def at_its_width(
