@@ -28,6 +28,7 @@ from .evidence import creep_of, sticking
 from .inverse import STANDS, arms_along, said
 from .prepare import Prepared, filtered, prepared, widened
 from .sensed import noise_in
+from .starting_side import nearest_start, places_at_rest, rows_until_taken_along
 
 Vector = NDArray[np.float64]
 
@@ -121,11 +122,45 @@ def resimulated_once(
             return {name: _between(grid.t, values, acts[name]) for name, values in heard.items()}
         law, control = from_table(grid.t, grid.q, grid.dq, grid.ddq), Control()
         return _asked_for(robot, run, _simulated(robot, nominal, run, backend, law, control, None, step))
-    if mode == "motion":
-        return _simulated(robot, nominal, run, backend, run.motion(), run.control, None, step)
-    # the tick of a last row that is stamped a little early is behind the table's end, where a command would stop
-    law = run.motion().going_on(2.0 / min(run.control.rate, run.rate))
-    return _simulated(robot, nominal, run, backend, law, run.control, start_of(robot, begun or run), step)
+    law, start = run.motion(), None
+    if mode == "pd":
+        # the tick of a last row that is stamped a little early is behind the table's end, where a command would stop
+        law, start = law.going_on(2.0 / min(run.control.rate, run.rate)), start_of(robot, begun or run)
+    if start is None:
+        start = _start_in_play(robot, nominal, run, backend, law, step)
+    return _simulated(robot, nominal, run, backend, law, run.control, start, step)
+
+
+def _start_in_play(
+    robot: Robot, nominal: Robot, run: Run, backend: Backend | str, law: MotionLaw, step: float | None
+) -> MachineState | None:
+    """The state of rest with free arms where in their clearances the run began; None where no arm is free.
+
+    Whether they are free is told by where they settle, and where they were by the run's first moments.
+    """
+    if not rattles(robot) or _moving_at_first(run):
+        return None
+    whole = expanded(robot, imposed=run.control.mode == "motion")
+    settled = _simulated(robot, nominal, _first_rows(run, FEWEST), backend, law, run.control, None, step)
+    rest = state_at(robot, settled["q"][0], np.zeros(run.n))
+    places = places_at_rest(whole.robot, rest)
+    if not places:
+        return None
+    first = _first_rows(
+        run, rows_until_taken_along(whole.robot, places, law.spread(whole.driven, whole.robot.n), run.t)
+    )
+
+    def missed(start: MachineState) -> float:
+        left = residuals(run, _simulated(robot, nominal, first, backend, law, run.control, start, step), robot)
+        parts = [np.nanmean(np.square(values / noise_in(run, name).sigma)) for name, values in left.items()]
+        return float(sum(parts))
+
+    return nearest_start(rest, places, missed)
+
+
+def _first_rows(run: Run, rows: int) -> Run:
+    """A run that ends early, to be simulated: it is still compared as the whole one is."""
+    return replace(run, t=run.t[:rows], signals={name: values[:rows] for name, values in run.signals.items()})
 
 
 def rattles(robot: Robot) -> bool:
@@ -283,10 +318,12 @@ def _nearest(grid: Prepared, flags: NDArray[np.bool_], times: Vector) -> NDArray
 def residuals(run: Run, simulated: Mapping[str, Vector], robot: Robot) -> dict[str, Vector]:
     """Measured minus simulated of each signal; ee_rot as rotation vectors in the base (m, 3) [rad].
 
-    Mode torque: arms are held against their motors, for both drift away together.
+    Of a simulation that ends early, of its rows. Mode torque: arms are held against their motors, for both drift away
+    together.
     """
     left: dict[str, Vector] = {}
-    for name, measured in compared(run, robot).items():
+    for name, whole in compared(run, robot).items():
+        measured = whole[: len(simulated[name])] if name in simulated else whole
         if name == "ee_rot":
             left[name] = _turn(measured, simulated[name])
         elif name in simulated:

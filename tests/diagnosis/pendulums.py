@@ -261,7 +261,9 @@ def ringing_run(stiffness: float, damping: float, rotor: float, *, seed: int = 0
     return _controlled(ticks, {"q": rows[:, 0], "tau": rows[:, 1]}, seed)
 
 
-def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3.0, rate: float = 500.0) -> Run:
+def rattling_run(
+    gap: float, rotor: float, *, seed: int = 0, duration: float = 3.0, rate: float = 500.0, side: float = 0.0
+) -> Run:
     """What the sensors say of a weightless pendulum behind play, whose motor is controlled; contacts as effects.md has.
 
     Args:
@@ -270,6 +272,7 @@ def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3
         seed: Of the noise.
         duration: [s].
         rate: Of the record [Hz].
+        side: Where the arm stands at first, from -1 to 1 across its clearance.
     """
     ticks = np.arange(round(duration * 1000) + 1) / 1000.0
     q_cmd, dq_cmd, _ = command(ticks)
@@ -278,7 +281,8 @@ def rattling_run(gap: float, rotor: float, *, seed: int = 0, duration: float = 3
     damping = 2.0 * 0.15 * math.sqrt(stiffness * both)
     parts = 40
     h = 1.0e-3 / parts
-    q = dq = theta = dtheta = 0.0
+    dq = theta = dtheta = 0.0
+    q = 0.5 * side * gap
     rows = np.empty((len(ticks), 3))
     for k in range(len(ticks)):
         held = KP * (q_cmd[k] - theta) + KD * (dq_cmd[k] - dtheta)

@@ -1,0 +1,105 @@
+"""Where in its clearance an arm begins that nothing presses to a side: as a run's first moments have it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mbexport.core.build import assembled
+from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis import resimulate
+from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.resimulate import residuals, resimulated_once
+from mbexport.core.diagnosis.starting_side import LATER, nearest_start, places_at_rest, rows_until_taken_along
+from mbexport.core.effects import EffectRow
+from mbexport.core.motion import from_table
+from mbexport.core.simulation import MachineState
+from mbexport.core.simulation.settle import sagged
+
+from .pendulums import INERTIA, NOISE, rattling_run
+
+GAP = 0.02
+ROTOR = 4.0 * INERTIA
+PLAY = {"backlash": (EffectRow(1, FrozenMap({"gap": GAP, "stiffness": math.inf, "damping": math.inf})),)}
+MOTOR = {"rotor_inertia": (EffectRow(1, FrozenMap({"inertia": ROTOR})),)}
+HANGING = replace(load("pendulum"), effects=FrozenMap(MOTOR))
+UPRIGHT = replace(HANGING, gravity=(0.0, 0.0, 0.0))
+
+
+class Dynamics:
+    """What holds a pendulum by a torque that goes with how far it is from hanging straight."""
+
+    def __init__(self, most):
+        self.most = most
+
+    def gravity(self, q):
+        return self.most * np.sin(q)
+
+
+def at_rest(database, theta, most=0.0):
+    robot = assembled(database, dict(MOTOR) | PLAY)
+    theta, still = np.array([theta]), np.zeros(1)
+    return robot, MachineState(0.0, sagged(robot, Dynamics(most), theta), still, theta, still)
+
+
+def misses(run):
+    """What is left of q_link at most times until the first reversal, in the sensor's own noise.
+
+    At some it is more: after a blow the arm flies a little otherwise with another integrator.
+    """
+    robot, nominal = robot_of(UPRIGHT, "full", run, PLAY), robot_of(UPRIGHT, "full", run)
+    left = residuals(run, resimulated_once(robot, nominal, run, "mjcf"), robot)["q_link"]
+    return float(np.median(np.abs(left[run.t < 0.5]))) / NOISE["q_link"]
+
+
+@pytest.mark.parametrize("side", [-1.0, 0.0, 1.0])
+def test_an_arm_begins_where_the_first_moments_have_it(side, monkeypatch):
+    """Of a run by another integrator, and without what the encoder behind the gear says of it."""
+    run = rattling_run(GAP, ROTOR, duration=1.0, side=side)
+    blind = replace(run, signals={name: values for name, values in run.signals.items() if name != "q_link"})
+    monkeypatch.setattr(resimulate, "_start_in_play", placed_by(blind, resimulate._start_in_play))
+    assert misses(run) < 1.5
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_where_no_side_is_looked_for_it_begins_in_the_middle(side, monkeypatch):
+    monkeypatch.setattr(resimulate, "_start_in_play", lambda *_: None)
+    assert misses(rattling_run(GAP, ROTOR, duration=1.0, side=side)) > 20.0
+
+
+def placed_by(other, start_in_play):
+    return lambda robot, nominal, run, *rest: start_in_play(robot, nominal, other, *rest)
+
+
+def test_an_arm_that_hangs_to_a_side_stands_there():
+    robot, rest = at_rest(HANGING, 0.5, most=10.0)
+    assert rest.theta[0] - rest.q[0] > 0.5 * GAP
+    assert places_at_rest(robot, rest) == {}
+
+
+def test_an_arm_that_next_to_nothing_presses_may_stand_elsewhere():
+    """A hundredth of what presses it aside for sure; and none at all, in the middle of its play."""
+    robot, rest = at_rest(HANGING, 0.5, most=1.0e-3)
+    assert rest.q[0] == pytest.approx(0.5 - 0.5 * GAP, abs=1e-6)
+    assert places_at_rest(robot, rest)[0] == pytest.approx((0.5, 0.5 + 0.5 * GAP), abs=1e-6)
+    robot, rest = at_rest(UPRIGHT, 0.5)
+    assert places_at_rest(robot, rest)[0] == pytest.approx((0.5 - 0.5 * GAP, 0.5 + 0.5 * GAP))
+
+
+def test_rows_go_on_until_the_motor_has_taken_the_arm_along():
+    robot, _ = at_rest(UPRIGHT, 0.0)
+    t = np.arange(1001) / 1000.0
+    moved = from_table(t, 0.1 * t[:, None], np.full((1001, 1), 0.1))
+    # two clearances of 0.02 rad at 0.1 rad/s
+    assert t[rows_until_taken_along(robot, {0: ()}, moved, t) - 1] == pytest.approx(0.4 + LATER, abs=2e-3)
+    still = from_table(t, 0.001 * t[:, None], np.full((1001, 1), 0.001))
+    assert rows_until_taken_along(robot, {0: ()}, still, t) == 1001
+
+
+def test_arms_are_placed_one_after_the_other_and_left_where_they_settle_unless_that_is_nearer():
+    rest = MachineState(0.0, np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2))
+    places = {0: (-1.0, 1.0), 1: (-1.0, 1.0)}
+    found = nearest_start(rest, places, lambda start: float(np.abs(start.q - [1.0, -0.2]).sum()))
+    assert found.q.tolist() == [1.0, 0.0]
+    assert nearest_start(rest, places, lambda _: 1.0) is rest
