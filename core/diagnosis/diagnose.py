@@ -64,7 +64,8 @@ from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
-from .words import cause_in_words, percent, place_in_words, variable_in_words
+from .warming import with_warming
+from .words import cause_in_words, percent, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -127,7 +128,6 @@ NEAREST = {
     DROOPS_SAID: "constant",
     TWICE_SAID: "plain wave",
 }
-GROWS_SAID = "a resistance that grows faster than with the speed of {joint}"
 LOOP_HIDES = "a torque along the measured motion that the controller hides"
 RINGS = (
     "What rings near a joint for another reason, a mount under the base or a load that swings or sloshes, shows nearly "
@@ -365,7 +365,9 @@ class _Diagnosing:
             if again.by > held.by + HELPS and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
-        return state, judge, without_growing(judge, closed_in_simulation(judge, held, begun)) if looking else held
+        if looking:
+            held = with_warming(judge, without_growing(judge, closed_in_simulation(judge, held, begun)))
+        return state, judge, held
 
     def _heard(self, state: Search, judge: Judge) -> tuple[Search, Judge]:
         """The search gone on, and its judge, in units of the noise that the robot with what was found makes."""
@@ -401,7 +403,7 @@ class _Diagnosing:
         fit, names = self._names(state, held.found)
         names, better = told_apart(judge, held.found, names)
         if better is not None and (again := judge.held(better)).open < held.open + ALIKE_SHARE:
-            held = replace(again, growing=held.growing, rings=held.rings)
+            held = replace(again, no_law=held.no_law, rings=held.rings)
             fit, names = self._names(state, held.found)
             names, _ = told_apart(judge, held.found, names)
         return held, fit, names
@@ -560,7 +562,7 @@ def _verdict(held: Held, gap: bool, form: Bent | None, against: Along | None) ->
     """
     if held.found:
         enough = held.adequate or (form is not None and held.open * form.leaves < OTHER_FORM)
-        return "explained" if enough and not (against or held.growing) else "partly_explained"
+        return "explained" if enough and not (against or held.no_law) else "partly_explained"
     return "unexplained" if gap else "no_gap"
 
 
@@ -628,9 +630,8 @@ def _best_forms(state: Search) -> dict[tuple[str, int], Contender]:
 
 def _unexplained(verdict: Verdict, after: Gap, held: Held, form: Bent | None, against: Along | None) -> Unexplained:
     """What is left of the gap's energy, where, and what it goes with."""
-    if held.growing:
-        joint = f"joint_{held.growing}"
-        return Unexplained(held.open, {joint: 1.0}, GROWS_SAID.format(joint=place_in_words(joint)))
+    if held.no_law:
+        return Unexplained(held.open, {f"joint_{held.no_law.joint}": 1.0}, held.no_law.said)
     if against:
         return Unexplained(against.share, against.joints, LOOP_HIDES)
     if verdict == "no_gap" or held.open == 0.0:

@@ -32,7 +32,7 @@ ASIDE, BENT, TWICE, HALF, AMOUNT = 0.25, 0.4, 0.5, 4.0, 0.5
 # by what part of a wave over a joint's whole way its cycles may be off
 CYCLES_OFF = 0.125
 # friction, that may be another one there than back
-_ASIDE = ("coulomb_friction", "stribeck_friction", "viscous_friction", "load_friction", "hysteresis")
+FRICTION = ("coulomb_friction", "stribeck_friction", "viscous_friction", "load_friction", "hysteresis")
 # laws that may go with another power of themselves
 _POWERS: dict[str, tuple[float, ...]] = {
     "viscous_friction": (2.0,),
@@ -115,7 +115,7 @@ def beyond_forms(
     larger = [
         j for j in others if _size(every, _bare(problem, found, j), found[j].at) > _size(every, without, found[j].at)
     ]
-    forms = [form for j in larger for form in _forms(problem, found, j, every)]
+    forms = [form for j in larger for form in forms_of(problem, found, j, every)]
     if not forms:
         return None
     slope = whiten(np.column_stack([form.column for form in forms]))
@@ -207,7 +207,7 @@ def _every_form(problem: Problem, found: Sequence[Found]) -> Iterator[tuple[int,
     every = problem.spoken(rows_of(found))
     for k, item in enumerate(found):
         if effect_named(item.effect).key == "joint":
-            for form in _forms(problem, found, k, every):
+            for form in forms_of(problem, found, k, every):
                 yield k, form
 
 
@@ -231,13 +231,19 @@ def _bare(problem: Problem, found: Sequence[Found], k: int) -> list[Said]:
     return problem.spoken(rows_of([*found[:k], nothing, *found[k + 1 :]]))
 
 
+def made_by(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Vector]:
+    """Torque that a finding makes at its joint in every run, with what the database knew of its law, shape (M,)."""
+    i = found[k].at - 1
+    return [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, _bare(problem, found, k), strict=True)]
+
+
 def _size(every: Sequence[Said], without: Sequence[Said], at: int) -> float:
     """Mean square of the torque that a finding makes at its joint."""
     made = np.concatenate([(one.tau - other.tau)[:, at - 1] for one, other in zip(every, without, strict=True)])
     return float(np.mean(made**2))
 
 
-def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Form]:
+def forms_of(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Said]) -> list[Form]:
     """Other forms of a finding's law, and its own amount, that makes up for them."""
     item, evidence = found[k], problem.evidence
     if is_wave(item):
@@ -245,8 +251,7 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     if item.effect == "torque_limit":
         return _limits(problem, found, k)
     i = item.at - 1
-    without = _bare(problem, found, k)
-    made = [one.tau[:, i] - other.tau[:, i] for one, other in zip(every, without, strict=True)]
+    made = made_by(problem, found, k, every)
     # runs that do not excite it have the same forms, of nothing
     most = max(float(np.max(np.abs(one), initial=0.0)) for one in made) or 1.0
     forms: list[Form] = []
@@ -254,7 +259,7 @@ def _forms(problem: Problem, found: Sequence[Found], k: int, every: Sequence[Sai
     def shaped(said: str, torques: Sequence[Vector], up_to: float = 1.0) -> None:
         forms.append(Form(said, torque_column(problem, i, torques), (-1.0, up_to), tuple(torques)))
 
-    if item.effect in _ASIDE:
+    if item.effect in FRICTION:
         both = zip(evidence.runs, made, strict=True)
         shaped(ASIDE_SAID, [ASIDE * np.sign(run.dq[:, i]) * one for run, one in both])
     if item.effect == "load_friction":

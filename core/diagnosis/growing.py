@@ -11,7 +11,7 @@ import numpy as np
 from .diagnosis import Rejected
 from .fit import blocks, spread
 from .forms import torque_column
-from .held import GROWS, Held
+from .held import GROWS, Held, NoLaw
 from .judge import Judge
 from .refine import Refined, refined
 from .tried import ALIKE
@@ -20,6 +20,7 @@ from .tried import ALIKE
 AS_MUCH, BESIDE_IT = 0.5, ("stribeck_friction", "viscous_friction")
 # log evidence by which a drag says more than viscous friction that is none
 SAYS_MORE = 10.0
+GROWS_SAID = "a resistance that grows faster than with the speed of joint {joint}"
 
 
 def without_growing(judge: Judge, held: Held) -> Held:
@@ -57,10 +58,14 @@ def without_growing(judge: Judge, held: Held) -> Held:
                 gone = tuple(
                     Rejected(effect, f"joint_{at}", GROWS) for effect, at in laws[:2] if (effect, at) in totals
                 )
-                return replace(rest, growing=joint, dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
+                return replace(rest, no_law=_growing(joint), dropped=(*held.dropped_but(rest), *rest.dropped, *gone))
         if _drag(judge, held, fit(), laws[2:]) > SAYS_MORE:
-            return replace(held, growing=joint)
+            return replace(held, no_law=_growing(joint))
     return held
+
+
+def _growing(joint: int) -> NoLaw:
+    return NoLaw(joint, GROWS_SAID.format(joint=joint))
 
 
 def _drag(judge: Judge, held: Held, fit: Refined, laws: Collection[tuple[str, int]]) -> float:

@@ -32,6 +32,19 @@ LITTLE = 0.25
 MOSTLY = 0.5
 
 
+@dataclass(frozen=True, slots=True)
+class NoLaw:
+    """A resistance that no law of the catalogue is.
+
+    Attributes:
+        joint: From 1.
+        said: What is told of it.
+    """
+
+    joint: int
+    said: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
     """What holds on runs that no fit saw.
@@ -46,7 +59,7 @@ class Held:
         after: The gap that is left; None where nothing was found.
         numbers: Every split's fit with numbers from simulation, where it was by these that the findings hold; else ().
         by_bands: Nothing but the measured motion was simulated, so that bands know more than mean squares.
-        growing: Joint with a resistance that grows faster than with its speed, which no law of friction does; 0: none.
+        no_law: What was found stands for, as the catalogue's nearest; None where that has its law.
         rings: What was found is a drive that rings, found in simulation: the measured motion is no witness of it.
     """
 
@@ -59,7 +72,7 @@ class Held:
     after: Gap | None
     numbers: tuple[Refined, ...] = ()
     by_bands: bool = False
-    growing: int = 0
+    no_law: NoLaw | None = None
     rings: bool = False
 
     @property

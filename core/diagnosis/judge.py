@@ -267,7 +267,7 @@ class Judge:
         if idle:
             rest = self.held([item for item in held.found if item.key not in idle])
             gone = tuple(Rejected(item.effect, item.place, GONE) for item in held.found if item.key in idle)
-            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped), growing=held.growing, rings=held.rings)
+            rest = replace(rest, dropped=(*held.dropped, *gone, *rest.dropped), no_law=held.no_law, rings=held.rings)
             return self.closer(rest) if rest.found else ([], rest)
         return list(numbers), rest
 
@@ -276,7 +276,7 @@ class Judge:
         rest = self.held([item for item in held.found if item not in untold])
         gone = tuple(Rejected(item.effect, item.place, UNTOLD) for item in untold)
         dropped = (*held.dropped_but(rest), *rest.dropped, *gone)
-        return replace(rest, dropped=dropped, growing=held.growing, rings=held.rings)
+        return replace(rest, dropped=dropped, no_law=held.no_law, rings=held.rings)
 
     def numbers(self, found: Sequence[Found], unseen: Unseen, *, far: bool = False) -> tuple[Refined, ...]:
         """Every split's fit with numbers from simulation; () where there is none."""

@@ -13,7 +13,8 @@ from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
 from mbexport.core.diagnosis.found import Found, as_hard_as_a_contact
-from mbexport.core.diagnosis.held import MOST_LEFT
+from mbexport.core.diagnosis.growing import GROWS_SAID
+from mbexport.core.diagnosis.held import MOST_LEFT, NoLaw
 from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
@@ -188,7 +189,7 @@ def told_of(against, item):
     unseen = SimpleNamespace(rows=rows_of(judge, item), beyond=1.0)
 
     def said(share, adequate=False):
-        held = SimpleNamespace(found=(item,), open=share, growing=0, adequate=adequate, explains=False, unseen=unseen)
+        held = SimpleNamespace(found=(item,), open=share, no_law=None, adequate=adequate, explains=False, unseen=unseen)
         return other_form(judge, held)
 
     return said
@@ -220,13 +221,13 @@ def test_what_is_left_of_a_wave_is_no_little():
 def speaks_against(against, item, adequate=True):
     judge = judge_of(against)
     unseen = SimpleNamespace(beyond=1.0)
-    held = SimpleNamespace(found=(item,), growing=0, adequate=adequate, unseen=unseen, rings=False)
+    held = SimpleNamespace(found=(item,), no_law=None, adequate=adequate, unseen=unseen, rings=False)
     return contradicted(judge, held)
 
 
 def test_what_evidence_tells_of_what_noise_hides_is_said():
     """Else nobody knows why a gap that is down to the noise is explained in part."""
-    held = SimpleNamespace(growing=6, open=0.0)
+    held = SimpleNamespace(no_law=NoLaw(6, GROWS_SAID.format(joint=6)), open=0.0)
     rest = _unexplained("partly_explained", None, held, None, None)
     answer = SimpleNamespace(verdict="partly_explained", unexplained=rest)
     assert open_in_words(answer) == (
@@ -253,7 +254,7 @@ def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_s
 
 
 def test_a_cause_that_the_measured_motion_speaks_against_is_not_the_whole_one():
-    held, left = SimpleNamespace(found=(WAVE,), growing=0, adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
+    held, left = SimpleNamespace(found=(WAVE,), no_law=None, adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
     assert _verdict(held, True, None, None) == "explained"
     assert _verdict(held, True, None, left) == "partly_explained"
     open_still = _unexplained("partly_explained", None, held, None, left)
