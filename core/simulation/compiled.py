@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
+from types import CellType, FunctionType
 from typing import Any
 
 from ..effects import law_named
@@ -62,9 +65,42 @@ def as_it_stands(function: Any) -> None:
 
 @cache
 def compile_text(function: Any) -> Any:
-    """A plain function compiled once a process, cached on disk between processes."""
+    """A plain function compiled once a process, cached on disk between processes until what it calls has changed."""
     teach_numba()
-    return _numba().njit(cache=True, nogil=True)(function)
+    return _numba().njit(cache=True, nogil=True)(_stamped(function))
+
+
+def _stamped(function: FunctionType) -> FunctionType:
+    """A copy that closes over the text of all that it calls, and never reads it.
+
+    Numba finds compiled code by the file of its outermost function and by what that closes over: a helper that has
+    changed in another file would go on as it was.
+    """
+    digest = hashlib.sha256()
+    for text in _texts(function, set()):
+        digest.update(text)
+    code = function.__code__
+    code = code.replace(co_freevars=(*code.co_freevars, "stamp"))
+    cells = (*(function.__closure__ or ()), CellType(digest.hexdigest()))
+    copy = FunctionType(code, function.__globals__, function.__name__, function.__defaults__, cells)
+    copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+    return copy
+
+
+def _texts(function: FunctionType, seen: set[str]) -> Iterator[bytes]:
+    """The text of a function, of the functions that it names, and of theirs, with the numbers that they name.
+
+    None of them has a function within, as none that Numba compiles here does.
+    """
+    code = function.__code__
+    yield repr((code.co_code, code.co_consts, code.co_names, code.co_varnames)).encode()
+    for name in code.co_names:
+        value = function.__globals__.get(name)
+        if isinstance(value, int | float | str):
+            yield f"{name} {value!r}".encode()
+        elif isinstance(value, FunctionType) and (place := f"{value.__module__}.{value.__qualname__}") not in seen:
+            seen.add(place)
+            yield from _texts(value, seen)
 
 
 @cache

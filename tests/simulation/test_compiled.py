@@ -1,0 +1,33 @@
+"""What Numba keeps on disk is of the text that is compiled, its helpers' in other files included."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+OUTER = "from helping import helps\n\n\ndef outer(x):\n    return helps(x) + 1.0\n"
+HELPS = "TIMES = 3.0\n\n\ndef helps(x):\n    return TIMES * x\n"
+RUN = """
+import helping, outer
+from mbexport.core.simulation.compiled import as_it_stands, compile_text
+
+as_it_stands(helping.helps)
+function = compile_text(outer.outer)
+print(function(2.0), sum(function.stats.cache_hits.values()))
+"""
+
+
+def said(folder: Path) -> tuple[float, int]:
+    command = [sys.executable, "-c", RUN]
+    value, hits = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout.split()
+    return float(value), int(hits)
+
+
+def test_a_helper_that_changes_in_another_file_is_compiled_anew(tmp_path):
+    (tmp_path / "outer.py").write_text(OUTER)
+    (tmp_path / "helping.py").write_text(HELPS)
+    assert said(tmp_path) == (7.0, 0)
+    assert said(tmp_path) == (7.0, 1)
+    (tmp_path / "helping.py").write_text(HELPS.replace("3.0", "4.0"))
+    assert said(tmp_path) == (9.0, 0)
+    (tmp_path / "helping.py").write_text(HELPS.replace("TIMES * x", "TIMES * x * x"))
+    assert said(tmp_path) == (13.0, 0)
