@@ -126,8 +126,9 @@ def _fourth(problem: Problem, fit: Refined, effect: str, at: int) -> float:
     """Sum of the fourth power of a spring's stretch over that of its square, along all runs [rad^2 or m^2]."""
     rows = tables(fit.rows)
     squares, fourth = 0.0, 0.0
-    for robot, run in zip(problem.robots(rows), problem.evidence.runs, strict=True):
-        stretch = stretch_of(robot, run, effect, at, beyond_of(rows))
+    e = problem.evidence
+    for robot, run, nominal in zip(problem.robots(rows), e.runs, e.nominals, strict=True):
+        stretch = stretch_of(robot, run, nominal, effect, at, beyond_of(rows))
         squares += float(np.sum(stretch**2))
         fourth += float(np.sum(stretch**4))
     return fourth / squares if squares > 0.0 else 0.0

@@ -34,6 +34,7 @@ class SpringTable(NamedTuple):
         stiffness, damping: Of the drives' springs.
         stiffening: By the square of a spring's stretch s beyond its clearance: T = K s (1 + stiffening s^2).
         half_gap: Half of the clearance.
+        side: Where in it an arm begins, from -1 to 1 as the spring is stretched; NaN: where its load presses it.
         holds: Whether the damper pulls; across a clearance no other does.
         arm_stiffness: Of springs on the arms.
         arm_rest: Where these rest.
@@ -43,6 +44,7 @@ class SpringTable(NamedTuple):
     damping: Vector
     stiffening: Vector
     half_gap: Vector
+    side: Vector
     holds: NDArray[np.bool_]
     arm_stiffness: Vector
     arm_rest: Vector
@@ -155,7 +157,9 @@ def hang(chain: Any, elastic: Any, springs: SpringTable, theta: Any, q: Any) -> 
         for i in elastic:
             load = needed[i] + springs.arm_stiffness[i] * (q[i] - springs.arm_rest[i])
             clearance = springs.half_gap[i] if load > 0.0 else -springs.half_gap[i]
-            if abs(load) <= NO_LOAD * springs.stiffness[i] * springs.half_gap[i]:
+            if not math.isnan(springs.side[i]):
+                clearance = springs.side[i] * springs.half_gap[i]
+            elif abs(load) <= NO_LOAD * springs.stiffness[i] * springs.half_gap[i]:
                 clearance = 0.0
             stretch = load / springs.stiffness[i]
             if springs.stiffening[i] > 0.0:

@@ -23,7 +23,7 @@ from ..recording import ChannelNoise, Run
 from ..representation import Robot
 from .beyond import Beyond
 from .inverse import REST, STANDS, Said, fed_back, said
-from .prepare import Prepared, Told, prepared, small_turn, ticks_a_row, widened
+from .prepare import Prepared, Told, creep_of, prepared, small_turn, ticks_a_row, widened
 from .sensed import next_alike, noise_in, response_of
 
 Vector = NDArray[np.float64]
@@ -33,8 +33,6 @@ DRAWS = 4
 FEW = 200
 # neighbouring coefficients share their noise's estimate, over this part of the band at either side
 NEIGHBOURS = 0.04
-# a joint stands below this part of its own highest speed
-CREEP = 0.01
 SEED = 20131115
 # logarithm of the ratio up to which two estimates of noise are the same
 ALIKE = 0.2
@@ -317,13 +315,6 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
         tuple(mixes),
         tuple(asks),
     )
-
-
-def creep_of(run: Prepared) -> Vector:
-    """Speed of every joint below which it stands, shape (n,) [rad/s or m/s]."""
-    fastest = np.abs(run.dq).max(axis=0)
-    noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.pace * np.sqrt(2.0 * run.pace / run.run.rate)
-    return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
 def sticking(robot: Robot) -> NDArray[np.bool_]:

@@ -18,10 +18,10 @@ from ..control.controller import feedforward_along
 from ..motion import MotionLaw
 from ..recording import Run
 from ..representation import Robot
-from .evidence import CREEP, REST, Channel, Evidence, frequencies_of
+from .evidence import REST, Channel, Evidence, frequencies_of
 from .inverse import said
 from .model import Rows
-from .prepare import HIGHEST_BAND, KEPT, Prepared
+from .prepare import CREEP, HIGHEST_BAND, KEPT, Prepared
 from .problem import Problem
 from .sensed import noise_in
 

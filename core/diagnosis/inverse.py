@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import import_module
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control.controller import feedforward_along
-from ..expansion import expanded
+from ..expansion import Expansion, expanded
 from ..kinematics import Dynamics, dynamics, rigid_body
 from ..representation import Drive, FrictionModel, Robot, Sensor
 from ..simulation.compiled import as_it_stands, compile_text, uses_load
@@ -22,7 +22,8 @@ from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
-from .prepare import Prepared
+from .prepare import Prepared, creep_of, filtered
+from .starting_side import light_load, rows_until_taken_along
 
 Vector = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ LIGHT = 0.1
 STANDS, REST = 0.7, 0.05
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
+# where in its clearance an arm that nothing presses may have begun: where its load has it, in the middle, at a side
+SIDES = (math.nan, 0.0, -1.0, 1.0)
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -85,7 +88,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
         beyond: What it has beyond the catalogue's laws.
     """
-    moved = _moved(_bodies(robot), run, of_springs(beyond))
+    moved = _moved(_bodies(robot), run, of_springs(beyond), _witness(robot, nominal))
     whole = expanded(robot, imposed=True)
     driven = list(whole.driven)
     clamped = [driven[joint - 1] for joint in run.run.locked]
@@ -119,13 +122,13 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
-def arms_along(robot: Robot, run: Prepared) -> tuple[Vector, Vector]:
+def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:
     """Positions and speeds of the arm sides along a run's motor motion, bent by what they bear as they move.
 
     Returns:
         Of all joints, those of soft arms and bearings too, shape (m, k) each.
     """
-    moved = _moved(_bodies(robot), run, ())
+    moved = _moved(_bodies(robot), run, (), _witness(robot, nominal))
     return moved.q, moved.dq
 
 
@@ -142,9 +145,9 @@ def _erring(error: Vector, h: float, q: Vector, dq: Vector, ddq: Vector) -> tupl
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def stretch_of(robot: Robot, run: Prepared, effect: str, at: int, beyond: Beyond = ()) -> Vector:
+def stretch_of(robot: Robot, run: Prepared, nominal: Robot, effect: str, at: int, beyond: Beyond = ()) -> Vector:
     """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
-    moved = _moved(_bodies(robot), run, of_springs(beyond))
+    moved = _moved(_bodies(robot), run, of_springs(beyond), _witness(robot, nominal))
     stretches = (moved.theta - moved.q)[:, places(robot, expanded(robot, imposed=True), effect, at)]
     return stretches[:, int(np.argmax(np.mean(stretches**2, axis=0)))]
 
@@ -201,8 +204,13 @@ def _bodies(robot: Robot) -> Robot:
     return Robot(robot.name, robot.gravity, robot.base, robot.base_correction, stages, robot.tool)
 
 
+def _witness(robot: Robot, nominal: Robot) -> Robot | None:
+    """Whose feedforward may have to tell where in their clearances arms began; None where nothing has any."""
+    return nominal if any(stage.drive.spring and stage.drive.spring.gap for stage in robot.stages) else None
+
+
 @lru_cache(maxsize=_REMEMBERED)
-def _moved(robot: Robot, run: Prepared, stiffening: Beyond) -> _Moved:
+def _moved(robot: Robot, run: Prepared, stiffening: Beyond, nominal: Robot | None) -> _Moved:
     """Motion, load and tool of a robot's bodies; most effects change none of them."""
     offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
     whole = expanded(robot, imposed=True)
@@ -218,7 +226,8 @@ def _moved(robot: Robot, run: Prepared, stiffening: Beyond) -> _Moved:
     arms = dynamics(full, always_compiled=True)
     clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
     stiffens = of_joints(robot, whole, stiffening)
-    q, dq, ddq = _arms(full, arms, run, clamped, stiffens, *_stopped(clamped, turned, dturned, ddturned))
+    motion = _stopped(clamped, turned, dturned, ddturned)
+    q, dq, ddq = _arms(full, arms, run, clamped, stiffens, _shown(run, whole, nominal), *motion)
     load = arms.inverse_dynamics(q, dq, ddq)
     for i in clamped:
         # what the arm weighs is the clamp's too; its drive has what the spring is wound up by
@@ -396,6 +405,7 @@ def _arms(
     run: Prepared,
     clamped: Mapping[int, float],
     stiffening: Vector,
+    shown: _Shown | None,
     theta: Vector,
     dtheta: Vector,
     ddtheta: Vector,
@@ -416,7 +426,8 @@ def _arms(
     moment = np.array([sum(m for _, m in entries) for entries in pull], dtype=float)
     arm_rest = np.divide(moment, arm_stiffness, out=np.zeros_like(moment), where=arm_stiffness > 0.0)
     holds = np.zeros(len(springs), dtype=bool)
-    table = SpringTable(stiffness, damping, stiffening, half_gap, holds, arm_stiffness, arm_rest)
+    nowhere = np.full(len(springs), np.nan)
+    table = SpringTable(stiffness, damping, stiffening, half_gap, nowhere, holds, arm_stiffness, arm_rest)
     some, motion, loose = np.flatnonzero(soft), (theta, dtheta, ddtheta), soft & (half_gap > 0.0)
     try:
         if loose.any():
@@ -426,7 +437,13 @@ def _arms(
             finer, followed = play.finer_steps(stiffness, own, loose, run.h)
             thrown, holds = play.rebounding(followed, damping, own, rotors)
             table = table._replace(stiffness=followed, damping=np.where(loose, thrown, damping), holds=holds)
-            q, dq, ddq = _compiled("arms_across")(arms.table, some, table, finer, run.h, *motion)
+
+            def across(side: Vector, rows: int) -> tuple[Vector, Vector, Vector]:
+                begun = table._replace(side=side)
+                return _compiled("arms_across")(arms.table, some, begun, finer, run.h, *(x[:rows] for x in motion))
+
+            side = nowhere if shown is None else shown.sides(robot, arms, run, loose, motion, across)
+            q, dq, ddq = across(side, len(theta))
         else:
             q, dq, ddq = _compiled("arms_along")(arms.table, some, table, run.h, *motion)
     except ZeroDivisionError:
@@ -436,6 +453,82 @@ def _arms(
         # where the harder contact would hold the arm
         q += arms.inverse_dynamics(q, dq, ddq) * (1.0 / table.stiffness - 1.0 / stiffness)
     return q, dq, ddq
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shown:
+    """What shows where in their clearances arms began; shapes (m, k) of all joints.
+
+    Attributes:
+        q_link: Arm sides, where they were measured.
+        torque: What moved the motors but for the friction that was known, else.
+    """
+
+    q_link: Vector | None
+    torque: Vector | None
+
+    def sides(
+        self,
+        robot: Robot,
+        arms: Dynamics,
+        run: Prepared,
+        loose: NDArray[np.bool_],
+        motion: tuple[Vector, Vector, Vector],
+        across: Callable[[Vector, int], tuple[Vector, Vector, Vector]],
+    ) -> Vector:
+        """At which side each free arm began, from -1 to 1, shape (k,); NaN of those that a load presses to one.
+
+        Args:
+            robot: All joints of its expansion.
+            arms: Its rigid bodies.
+            run: Whose motion it is.
+            loose: Joints with a clearance, shape (k,).
+            motion: Of the motor sides (with transmission errors).
+            across: Motion of the arms that begin at these sides (k,), of so many rows.
+        """
+        theta, _, ddtheta = motion
+        side = np.full(len(loose), np.nan)
+        pull = np.array(
+            [
+                sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
+                for stage, x in zip(robot.stages, theta[0], strict=True)
+            ]
+        )
+        free = loose & (np.abs(arms.gravity(theta[0]) + pull) <= light_load(robot))
+        gaps = np.array([stage.drive.spring.gap if stage.drive.spring else 0.0 for stage in robot.stages])
+        rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
+
+        def missed(tried: Vector, i: int) -> float:
+            q, dq, ddq = across(tried, rows)
+            if self.q_link is not None:
+                return float(np.mean(np.abs(self.q_link[:rows, i] - q[:, i])))
+            assert self.torque is not None
+            takes = robot.stages[i].drive.inertia * ddtheta[:rows, i] + arms.inverse_dynamics(q, dq, ddq)[:, i]
+            beside = filtered(run, (self.torque[:rows, i] - takes)[:, None])
+            # steady friction is no witness, nor what a blow is like that comes at its time
+            return float(np.mean(np.abs(beside - np.median(beside))))
+
+        for i in np.flatnonzero(free):
+            options = [np.where(np.arange(len(side)) == i, place, side) for place in SIDES]
+            side = min(options, key=lambda tried, i=int(i): missed(tried, i))
+        return side
+
+
+def _shown(run: Prepared, whole: Expansion, nominal: Robot | None) -> _Shown | None:
+    """What shows where arms began; None where nothing does, or nothing has a clearance."""
+    if nominal is None:
+        return None
+    if "q_link" in run.measured:
+        return _Shown(whole.spread(run.measured["q_link"]), None)
+    n = nominal.n
+    torque = run.measured.get("tau")
+    if torque is None:
+        torque = _asked(run, nominal, (), (), 0.0, (math.inf,) * n, (0.0,) * n)
+    if torque is None:
+        return None
+    offsets = tuple(stage.sensor.position_offset for stage in nominal.stages)
+    friction, _ = _rubbed(_rubbing(nominal), run, offsets, tuple(creep_of(run).tolist()))
+    return _Shown(None, whole.spread(torque - friction))
 
 
 def _gives(drive: Drive) -> bool:

@@ -30,6 +30,8 @@ LOWEST_BAND, HIGHEST_BAND = 6.0, 40.0
 ABOVE_NOISE = 10.0
 # standard deviations of their sensors' noise by which motors may be off the motion that was asked for and be as told
 AS_TOLD = 2.0
+# a joint stands below this part of its own highest speed
+CREEP = 0.01
 ORDER = 4
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
 # positions do
@@ -122,6 +124,13 @@ def _smoothing(band: float, rate: float) -> Vector:
     signal: Any = import_module("scipy.signal")
 
     return np.asarray(signal.butter(ORDER, _corner(band, rate), fs=rate, output="sos"))
+
+
+def creep_of(run: Prepared) -> Vector:
+    """Speed of every joint below which it stands, shape (n,) [rad/s or m/s]."""
+    fastest = np.abs(run.dq).max(axis=0)
+    noise = noise_in(run.run, "q").sigma * 2.0 * np.pi * run.pace * np.sqrt(2.0 * run.pace / run.run.rate)
+    return np.maximum(np.maximum(CREEP * fastest, 3.0 * noise), 1e-9)
 
 
 def widened(flags: Mask, samples: float) -> Mask:

@@ -20,13 +20,13 @@ from ..kinematics import dynamics, jacobian
 from ..motion import MotionLaw, from_table, hold
 from ..recording import Run
 from ..recording.run import MEASURED
-from ..representation import Robot
+from ..representation import Robot, Stage
 from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
-from .evidence import creep_of, sticking
+from .evidence import sticking
 from .inverse import STANDS, arms_along, said
-from .prepare import Prepared, filtered, prepared, widened
+from .prepare import Prepared, creep_of, filtered, prepared, widened
 from .sensed import noise_in
 from .starting_side import nearest_start, places_at_rest, rows_until_taken_along
 
@@ -146,9 +146,8 @@ def _start_in_play(
     places = places_at_rest(whole.robot, rest)
     if not places:
         return None
-    first = _first_rows(
-        run, rows_until_taken_along(whole.robot, places, law.spread(whole.driven, whole.robot.n), run.t)
-    )
+    gaps = np.array([_gap(stage) if i in places else 0.0 for i, stage in enumerate(whole.robot.stages)])
+    first = _first_rows(run, rows_until_taken_along(gaps, whole.spread(law.at(run.t)[0]), run.t))
 
     def missed(start: MachineState) -> float:
         left = residuals(run, _simulated(robot, nominal, first, backend, law, run.control, start, step), robot)
@@ -165,8 +164,12 @@ def _first_rows(run: Run, rows: int) -> Run:
 
 def rattles(robot: Robot) -> bool:
     """Whether an arm may fly across a clearance."""
-    springs = (stage.drive.spring for stage in robot.stages)
-    return any(spring is not None and spring.gap > 0.0 for spring in springs)
+    return any(_gap(stage) > 0.0 for stage in robot.stages)
+
+
+def _gap(stage: Stage) -> float:
+    """The clearance before an arm [rad or m]."""
+    return stage.drive.spring.gap if stage.drive.spring else 0.0
 
 
 @lru_cache(maxsize=32)
@@ -439,7 +442,7 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
     grid = smoothed(run)
     edges = window_edges(run)
     # motors' positions and speeds as windows begin, and those of arms that are bent
-    there = (grid.q, grid.dq, *(arms_along(prompt, grid) if _gives(prompt) else ()))
+    there = (grid.q, grid.dq, *(arms_along(prompt, grid, prompt) if _gives(prompt) else ()))
     starts = [_between(grid.t, values, np.array(edges)) for values in there]
     pieces: list[dict[str, Vector]] = []
     for number, (begin, end) in enumerate(pairwise(edges)):
@@ -454,6 +457,9 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
         start = state_at(prompt, q, dq if begin > 0.0 else np.zeros_like(dq))
         if begin > 0.0 and arms:
             start = replace(start, q=arms[0], dq=arms[1])
+        elif rattles(prompt):
+            # where in its clearance an arm was is told by how it was taken along
+            start = replace(start, q=arms[0])
         trace = simulate(
             prompt,
             backend,

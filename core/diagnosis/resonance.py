@@ -145,10 +145,8 @@ def stretch_along(problem: Problem, rows: Rows, effect: str, at: int) -> float:
     """Root mean square stretch of the spring of an effect at a place along all runs [rad or m]; 0 of no such robot."""
     try:
         robots = problem.robots(rows)
-        runs = problem.evidence.runs
-        squares = [
-            float(np.mean(stretch_of(robot, run, effect, at) ** 2)) for robot, run in zip(robots, runs, strict=True)
-        ]
+        along = zip(robots, problem.evidence.runs, problem.evidence.nominals, strict=True)
+        squares = [float(np.mean(stretch_of(robot, run, nominal, effect, at) ** 2)) for robot, run, nominal in along]
     except MbexportError:
         return 0.0
     mean = math.sqrt(float(np.mean(squares)))

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..motion import MotionLaw
 from ..representation import Robot
 from ..simulation import MachineState
 from ..simulation.settle import terms_at_rest
@@ -31,7 +30,7 @@ def places_at_rest(robot: Robot, rest: MachineState) -> Mapping[int, tuple[float
         robot: All joints of its expansion.
         rest: Its state of rest.
     """
-    weight = sum(stage.arm.inertia.mass for stage in robot.stages) * float(np.linalg.norm(robot.gravity))
+    light = light_load(robot)
     found: dict[int, tuple[float, ...]] = {}
     for i, stage in enumerate(robot.stages):
         spring = stage.drive.spring
@@ -40,7 +39,7 @@ def places_at_rest(robot: Robot, rest: MachineState) -> Mapping[int, tuple[float
         theta, q = float(rest.theta[i]), float(rest.q[i])
         middle = theta + terms_at_rest(stage.drive, "error", theta, q)
         pressed = spring.stiffness * max(abs(middle - q) - 0.5 * spring.gap, 0.0)
-        if pressed <= LIGHT * weight:
+        if pressed <= light:
             places = (middle - 0.5 * spring.gap, middle, middle + 0.5 * spring.gap)
             # a state of rest is at one of them but for what a contact gives
             here = int(np.argmin([abs(place - q) for place in places]))
@@ -48,20 +47,22 @@ def places_at_rest(robot: Robot, rest: MachineState) -> Mapping[int, tuple[float
     return found
 
 
-def rows_until_taken_along(robot: Robot, joints: Mapping[int, object], law: MotionLaw, t: Vector) -> int:
-    """How many rows at times t, shape (m,), tell where the arms of these joints began.
+def light_load(robot: Robot) -> float:
+    """What presses on an arm and may as well pull [N m or N]."""
+    weight = sum(stage.arm.inertia.mass for stage in robot.stages) * float(np.linalg.norm(robot.gravity))
+    return LIGHT * weight
+
+
+def rows_until_taken_along(gaps: Vector, theta: Vector, t: Vector) -> int:
+    """How many rows tell where arms began.
 
     Args:
-        robot: All joints of its expansion.
-        joints: Numbers (from 0) of those whose arms are free.
-        law: Motion of the same joints.
-        t: Times of the rows [s].
+        gaps: Clearances of the joints whose arms are free, 0 of others, shape (n,).
+        theta: Motor sides at the rows, shape (m, n).
+        t: Their times [s], shape (m,).
     """
-    q = law.at(t)[0]
-    behind = np.zeros(len(t), dtype=bool)
-    for i in joints:
-        spring = robot.stages[i].drive.spring
-        behind |= np.maximum.accumulate(np.abs(q[:, i] - q[0, i])) < TAKEN_ALONG * (spring.gap if spring else 0.0)
+    moved = np.maximum.accumulate(np.abs(theta - theta[0]), axis=0)
+    behind = np.any(moved < TAKEN_ALONG * gaps, axis=1)
     until = float(t[-1] if behind.all() else t[int(np.argmin(behind))]) + LATER
     return int(np.searchsorted(t, until, side="right"))
 

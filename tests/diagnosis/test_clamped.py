@@ -11,7 +11,6 @@ from pendulums import pendulum_run
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.diagnose import diagnose
-from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypothesis import GIVING
@@ -19,7 +18,7 @@ from mbexport.core.diagnosis.inverse import clamped_at, said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.nuisances import whitening
-from mbexport.core.diagnosis.prepare import prepared
+from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.resimulate import compared, resimulated

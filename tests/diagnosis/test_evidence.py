@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
-from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.prepare import creep_of
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.search import search
 from mbexport.core.diagnosis.state import Search

@@ -13,7 +13,6 @@ from scipy.interpolate import CubicSpline
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import load
-from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import Noise, noise_floor
@@ -27,7 +26,7 @@ from mbexport.core.diagnosis.numerics import (
     with_coarse_steps,
     with_held_command,
 )
-from mbexport.core.diagnosis.prepare import prepared
+from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
 

@@ -15,10 +15,10 @@ from scipy.spatial.transform import Rotation
 from mbexport.core.build import build
 from mbexport.core.control import default_pd
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis.evidence import creep_of
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
+from mbexport.core.diagnosis.prepare import creep_of
 from mbexport.core.diagnosis.resimulate import (
     compared,
     held_torque,

@@ -9,11 +9,12 @@ import pytest
 from mbexport.core.build import assembled
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import resimulate
+from mbexport.core.diagnosis.inverse import arms_along
 from mbexport.core.diagnosis.model import robot_of
+from mbexport.core.diagnosis.prepare import prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated_once
 from mbexport.core.diagnosis.starting_side import LATER, nearest_start, places_at_rest, rows_until_taken_along
 from mbexport.core.effects import EffectRow
-from mbexport.core.motion import from_table
 from mbexport.core.simulation import MachineState
 from mbexport.core.simulation.settle import sagged
 
@@ -72,6 +73,29 @@ def placed_by(other, start_in_play):
     return lambda robot, nominal, run, *rest: start_in_play(robot, nominal, other, *rest)
 
 
+@pytest.mark.parametrize("side", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("heard", [("q", "tau", "q_link"), ("q", "tau"), ("q",)])
+def test_along_the_motion_too(side, heard):
+    """By the encoder behind the gear, by what moved the motor, or by what its controller asked for."""
+    run = rattling_run(GAP, ROTOR, duration=1.0, side=side)
+    lost = {"q", "tau", "q_link"} - set(heard)
+    known = replace(run, signals={name: values for name, values in run.signals.items() if name not in lost})
+    robot, nominal = robot_of(UPRIGHT, "full", known, PLAY), robot_of(UPRIGHT, "full", known)
+    grid = prepared(known)
+    q, _ = arms_along(robot, grid, nominal)
+    assert (q[0, 0] - grid.q[0, 0]) / (0.5 * GAP) == pytest.approx(side, abs=0.05)
+
+
+def test_along_the_motion_a_load_is_not_asked():
+    """What hangs at one side is there, whatever a torque sensor says that is off."""
+    run = rattling_run(GAP, ROTOR, duration=1.0, side=1.0)
+    lifted = replace(run, signals={**run.signals, "q": run.signals["q"] + 0.5, "q_cmd": run.signals["q_cmd"] + 0.5})
+    robot, nominal = robot_of(HANGING, "full", lifted, PLAY), robot_of(HANGING, "full", lifted)
+    grid = prepared(lifted)
+    q, _ = arms_along(robot, grid, nominal)
+    assert q[0, 0] - grid.q[0, 0] == pytest.approx(-0.5 * GAP, rel=0.05)
+
+
 def test_an_arm_that_hangs_to_a_side_stands_there():
     robot, rest = at_rest(HANGING, 0.5, most=10.0)
     assert rest.theta[0] - rest.q[0] > 0.5 * GAP
@@ -88,13 +112,11 @@ def test_an_arm_that_next_to_nothing_presses_may_stand_elsewhere():
 
 
 def test_rows_go_on_until_the_motor_has_taken_the_arm_along():
-    robot, _ = at_rest(UPRIGHT, 0.0)
     t = np.arange(1001) / 1000.0
-    moved = from_table(t, 0.1 * t[:, None], np.full((1001, 1), 0.1))
-    # two clearances of 0.02 rad at 0.1 rad/s
-    assert t[rows_until_taken_along(robot, {0: ()}, moved, t) - 1] == pytest.approx(0.4 + LATER, abs=2e-3)
-    still = from_table(t, 0.001 * t[:, None], np.full((1001, 1), 0.001))
-    assert rows_until_taken_along(robot, {0: ()}, still, t) == 1001
+    # two clearances of 0.02 rad at 0.1 rad/s; the other joint has none
+    moved = np.column_stack([0.1 * t, 0.0 * t])
+    assert t[rows_until_taken_along(np.array([GAP, 0.0]), moved, t) - 1] == pytest.approx(0.4 + LATER, abs=2e-3)
+    assert rows_until_taken_along(np.array([GAP, 0.0]), 0.01 * moved, t) == 1001
 
 
 def test_arms_are_placed_one_after_the_other_and_left_where_they_settle_unless_that_is_nearer():
