@@ -496,7 +496,8 @@ class _Shown:
         )
         free = loose & (np.abs(arms.gravity(theta[0]) + pull) <= light_load(robot))
         gaps = np.array([stage.drive.spring.gap if stage.drive.spring else 0.0 for stage in robot.stages])
-        rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
+        # the filter needs both of its ends
+        rows = max(rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t), 2 * run.edge)
 
         def missed(tried: Vector, i: int) -> float:
             q, dq, ddq = across(tried, rows)

@@ -86,6 +86,19 @@ def test_along_the_motion_too(side, heard):
     assert (q[0, 0] - grid.q[0, 0]) / (0.5 * GAP) == pytest.approx(side, abs=0.05)
 
 
+@pytest.mark.parametrize("rate", [50.0, 100.0])
+def test_along_the_motion_of_a_slow_record(rate):
+    """That has fewer rows in these moments than a filter needs."""
+    run = rattling_run(1e-4, ROTOR, duration=2.0, side=1.0, rate=rate)
+    known = replace(run, signals={name: values for name, values in run.signals.items() if name != "q_link"})
+    narrow = {"backlash": (EffectRow(1, FrozenMap({"gap": 1e-4, "stiffness": math.inf, "damping": math.inf})),)}
+    robot, nominal = robot_of(UPRIGHT, "full", known, narrow), robot_of(UPRIGHT, "full", known)
+    grid = prepared(known)
+    q, _ = arms_along(robot, grid, nominal)
+    assert np.all(np.isfinite(q))
+    assert np.max(np.abs(q - grid.q)) < 1e-4
+
+
 def test_along_the_motion_a_load_is_not_asked():
     """What hangs at one side is there, whatever a torque sensor says that is off."""
     run = rattling_run(GAP, ROTOR, duration=1.0, side=1.0)
