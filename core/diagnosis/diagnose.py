@@ -295,7 +295,7 @@ class _Diagnosing:
             item, part = held.found[form.place], percent(held.unseen.open * form.leaves)
             words = {"said": form.said, "nearest": NEAREST[form.said]}
             notes.append(NEAREST_HELPS_NOT.format(effect=item.effect, place=item.place, part=part, **words))
-        notes += [*judge.said_of_torques(held), *outside_names(held.found)]
+        notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside_names(held.found)]
         effects = rows_of(held.found)
         why = ALONE if {UNSEEN, LEFT_UNSEEN} & set(notes) else ""
         if verdict == "unexplained" and not why and part_open(state) <= CONFIRMABLE:

@@ -48,9 +48,10 @@ from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, polished, unsure
 from .problem import Problem, problem
 from .refine import PLAY, Refined, refined, vanished
-from .resimulate import mode_of, residuals, resimulated, steps_of
+from .resimulate import free_arms, mode_of, residuals, resimulated, steps_of
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits
+from .words import listed
 
 Vector = NDArray[np.float64]
 
@@ -64,6 +65,11 @@ NO_CHANCE = 50.0
 FINER = 50.0
 # what gives way, and swings by itself
 SPRINGS = (*GIVING, "link_flexibility")
+FREE = (
+    "Next to nothing presses the arm of {joints} to a side of its play, and no log says where it was left: these runs "
+    "were simulated from where their first moments have it. `mbexport simulate` begins in the middle, and is off until "
+    "the motor has taken the arm along."
+)
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
 
@@ -485,6 +491,14 @@ class Judge:
             if held.found and (samples := self._holds(held.found, rows, way)) >= 2.0 * SHORTEST
             for k in way.unseen
         ]
+
+    def said_of_play(self, held: Held) -> list[str]:
+        """What to say of arms that nothing presses to a side of the play that was found."""
+        if not any(item.effect == PLAY for item in held.found):
+            return []
+        table = rows_of(held.found)
+        free = {k for run in self.runs for k in free_arms(robot_of(self.database, self.level, run, table), run)}
+        return [FREE.format(joints=listed(f"joint {joint}" for joint in sorted(free)))] if free else []
 
     def _in_step(self, found: Sequence[Found], rows: Sequence[EffectRow], way: Split) -> tuple[Run, ...]:
         """The runs that a split did not see, their torques held as long as those that it saw say."""

@@ -157,6 +157,15 @@ def _start_in_play(
     return nearest_start(rest, places, missed)
 
 
+def free_arms(robot: Robot, run: Run) -> tuple[int, ...]:
+    """Joints (from 1) with an arm that a simulation begins where in its clearance the run's first moments have it."""
+    if mode_of(run) == "unknown" or not rattles(robot) or _moving_at_first(run):
+        return ()
+    whole = expanded(robot, imposed=run.control.mode == "motion")
+    places = places_at_rest(whole.robot, state_at(robot, smoothed(run).q[0], np.zeros(run.n)))
+    return tuple(joint for joint, i in enumerate(whole.driven, start=1) if i in places)
+
+
 def _first_rows(run: Run, rows: int) -> Run:
     """A run that ends early, to be simulated: it is still compared as the whole one is."""
     return replace(run, t=run.t[:rows], signals={name: values[:rows] for name, values in run.signals.items()})

@@ -94,6 +94,13 @@ def test_a_simulation_that_no_arm_follows_does_not_judge_play(judge, monkeypatch
     assert judge._kept_anyway(found, unseen, SimpleNamespace(shrinks_by=-0.1)) == kept
 
 
+def test_where_an_arm_began_that_nothing_presses_is_told(judge):
+    """Who simulates the corrected model begins elsewhere."""
+    (said,) = judge.said_of_play(SimpleNamespace(found=(play_of(GAP), RUBS)))
+    assert said.startswith("Next to nothing presses the arm of joint 1 to a side of its play")
+    assert judge.said_of_play(SimpleNamespace(found=(RUBS,))) == []
+
+
 @pytest.mark.parametrize(
     ("by", "bounced", "said"),
     [

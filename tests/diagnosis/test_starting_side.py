@@ -12,7 +12,7 @@ from mbexport.core.diagnosis import resimulate
 from mbexport.core.diagnosis.inverse import arms_along
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.prepare import prepared
-from mbexport.core.diagnosis.resimulate import residuals, resimulated_once
+from mbexport.core.diagnosis.resimulate import free_arms, residuals, resimulated_once
 from mbexport.core.diagnosis.starting_side import LATER, nearest_start, places_at_rest, rows_until_taken_along
 from mbexport.core.effects import EffectRow
 from mbexport.core.simulation import MachineState
@@ -107,6 +107,14 @@ def test_along_the_motion_a_load_is_not_asked():
     grid = prepared(lifted)
     q, _ = arms_along(robot, grid, nominal)
     assert q[0, 0] - grid.q[0, 0] == pytest.approx(-0.5 * GAP, rel=0.05)
+
+
+def test_who_simulates_begins_only_free_arms_elsewhere():
+    run = rattling_run(GAP, ROTOR, duration=0.5)
+    lifted = replace(run, signals={**run.signals, "q": run.signals["q"] + 0.5, "q_cmd": run.signals["q_cmd"] + 0.5})
+    assert free_arms(robot_of(UPRIGHT, "full", run, PLAY), run) == (1,)
+    assert free_arms(robot_of(UPRIGHT, "full", run), run) == ()
+    assert free_arms(robot_of(HANGING, "full", lifted, PLAY), lifted) == ()
 
 
 def test_an_arm_that_hangs_to_a_side_stands_there():
