@@ -35,8 +35,10 @@ LIGHT = 0.1
 STANDS, REST = 0.7, 0.05
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
-# where in its clearance an arm that nothing presses may have begun: where its load has it, in the middle, at a side
-SIDES = (math.nan, 0.0, -1.0, 1.0)
+# the part of a run that may tell where in their clearances arms began: play is tried that is as wide as all motion
+FIRST_PART = 0.25
+# a part of a light load that is none
+WEIGHTLESS = 1.0e-6
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -494,10 +496,12 @@ class _Shown:
                 for stage, x in zip(robot.stages, theta[0], strict=True)
             ]
         )
-        free = loose & (np.abs(arms.gravity(theta[0]) + pull) <= light_load(robot))
+        load = arms.gravity(theta[0]) + pull
+        free = loose & (np.abs(load) <= light_load(robot))
         gaps = np.array([stage.drive.spring.gap if stage.drive.spring else 0.0 for stage in robot.stages])
+        rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
         # the filter needs both of its ends
-        rows = max(rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t), 2 * run.edge)
+        rows = max(min(rows, int(FIRST_PART * len(theta))), 2 * run.edge)
 
         def missed(tried: Vector, i: int) -> float:
             q, dq, ddq = across(tried, rows)
@@ -510,7 +514,10 @@ class _Shown:
             return float(np.mean(np.abs(beside - np.median(beside))))
 
         for i in np.flatnonzero(free):
-            options = [np.where(np.arange(len(side)) == i, place, side) for place in SIDES]
+            # where nothing tells, it is where its load has it
+            settled = float(np.sign(load[i])) if abs(load[i]) > WEIGHTLESS * light_load(robot) else 0.0
+            places = sorted((0.0, -1.0, 1.0), key=lambda place, settled=settled: abs(place - settled))
+            options = [np.where(np.arange(len(side)) == i, place, side) for place in places]
             side = min(options, key=lambda tried, i=int(i): missed(tried, i))
         return side
 
