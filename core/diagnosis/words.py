@@ -56,6 +56,8 @@ _SCALES: dict[str, tuple[tuple[float, float, str], ...]] = {
 IN_A_SENTENCE = 3
 # part of a gap whose cause is known and that is not left for want of exactness
 MUCH = 0.25
+# and one that would be told as 0 %
+NEXT_TO_NOTHING = 0.005
 _SURE = 0.9995
 
 
@@ -267,6 +269,8 @@ def open_in_words(diagnosis: Diagnosis) -> str:
     joints = [name for name, share in sorted(rest.joints.items(), key=lambda item: -item[1]) if share > 0.1][:2]
     at = f", most of it at {listed(place_in_words(name) for name in joints)}" if joints else ""
     if diagnosis.verdict == "explained":
+        if rest.share < NEXT_TO_NOTHING:
+            return "Left in the corrected model: less than 1 % of the gap's energy."
         if looks.endswith(BOUNCES_SAID):
             return (
                 f"Left in the corrected model: {percent(rest.share)} of the gap's energy{at}. An arm that bounces in "

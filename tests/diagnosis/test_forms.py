@@ -237,6 +237,14 @@ def test_what_evidence_tells_of_what_noise_hides_is_said():
     assert open_in_words(SimpleNamespace(verdict="explained", unexplained=Unexplained(0.0, {}, ""))) == ""
 
 
+def test_of_what_would_be_told_as_nothing_no_place_is_told():
+    rest = Unexplained(0.004, {"joint_1": 1.0}, "nothing that one variable explains")
+    answer = SimpleNamespace(verdict="explained", unexplained=rest)
+    assert open_in_words(answer) == "Left in the corrected model: less than 1 % of the gap's energy."
+    answer.unexplained = replace(rest, share=0.006)
+    assert open_in_words(answer).startswith("Not explained: 1 % of the gap's energy, most of it at joint 1")
+
+
 def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_simulation(monkeypatch):
     damps = replace(DAMPS, row=EffectRow(1, {"coefficient": 0.5}))
     assert speaks_against(lambda t, q, dq: 0.5 * dq, damps) is None
