@@ -221,7 +221,11 @@ def bent(
             return None
         largest = largest or forms.largest
         own, every = forms.beyond(unseen.problem, unseen.whiten, whole, unseen.left(whole))
-        had, has = (total + _energy(left) - len(left) for total, left in ((had, own), (has, every)))
+        # channels whose noise is thought to be louder than it is would hide what is left in others
+        loud = [(a, b) for a, b in edges_of(unseen.parts) if _energy(own[a:b]) > b - a]
+        had, has = (
+            total + sum(_energy(left[a:b]) - (b - a) for a, b in loud) for total, left in ((had, own), (has, every))
+        )
     if largest is None or had <= 0.0:
         return None
     return Bent(min(1.0, max(0.0, has / had)), *largest)

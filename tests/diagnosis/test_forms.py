@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis import unseen
 from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
@@ -216,6 +217,21 @@ def test_what_is_left_of_a_wave_is_no_little():
         "Left in the corrected model: 60 % of the gap's energy, most of it at joint 1. Its cause is known, and no law "
         "of the catalogue says all of it: a second harmonic."
     )
+
+
+def test_a_channel_whose_noise_is_quieter_than_was_thought_hides_nothing(monkeypatch):
+    """What is left in one channel is no less there than the other has less than noise."""
+    judge = judge_of(lambda t, q, dq: 0.4 * dq, "pd")
+    rows = rows_of(judge, DAMPS)
+    count = len(judge.whole.only(judge.ways[0].unseen).evidence.weights)
+    own = np.where(np.arange(count) < 20, 2.0, 0.1)
+    assert own @ own < count
+    forms = SimpleNamespace(largest=(0, "another form"), beyond=lambda *_: (own, np.where(own > 1.0, 1.1, own)))
+    monkeypatch.setattr(unseen.Forms, "of", lambda *_: forms)
+    monkeypatch.setattr(unseen, "edges_of", lambda _: [(0, 20), (20, count)])
+    said = bent(judge.whole, judge.whiten, [DAMPS], judge.ways[:1], rows[:1])
+    assert said is not None
+    assert said.leaves == pytest.approx((1.1**2 - 1.0) / (2.0**2 - 1.0))
 
 
 def speaks_against(against, item, adequate=True):
