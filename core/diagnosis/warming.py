@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .fit import blocks, spread
+from .fit import blocks, edges_of, spread
 from .forms import FRICTION, forms_of, made_by, torque_column
 from .found import rows_of
-from .held import Held, NoLaw
+from .held import MOSTLY, Held, NoLaw
 from .judge import Judge
 from .refine import refined
 from .words import effect_in_words
@@ -38,7 +38,6 @@ def with_warming(judge: Judge, held: Held) -> Held:
     parts = blocks(part.evidence)
     fit = refined(part, whiten, held.found, parts)
     sigma = spread(fit.left, parts)
-    left = fit.left / sigma
     found = [replace(item, row=fit.rows[item.key]) for item in held.found]
     every = part.spoken(rows_of(found))
     times = [run.t for run in part.evidence.runs]
@@ -47,19 +46,25 @@ def with_warming(judge: Judge, held: Held) -> Held:
     for k in rubs:
         i, made = found[k].at - 1, made_by(part, found, k, every)
         forms = [form.column for form in forms_of(part, found, k, every)]
-        beside = np.column_stack([fit.slope, *([whiten(np.column_stack(forms))] if forms else [])]) / sigma[:, None]
+        beside = np.column_stack([fit.slope, *([whiten(np.column_stack(forms))] if forms else [])])
 
-        def tells(shapes: Sequence[Vector], i: int = i, made: list[Vector] = made, beside: Vector = beside):
+        def tells(
+            shapes: Sequence[Vector], unit: Vector, i: int = i, made: list[Vector] = made, beside: Vector = beside
+        ) -> tuple[float, float]:
             torques = [torque * shape for torque, shape in zip(made, shapes, strict=True)]
-            return _tells(left, beside, whiten(torque_column(part, i, torques)) / sigma)
+            return _tells(fit.left / unit, beside / unit[:, None], whiten(torque_column(part, i, torques)) / unit)
 
-        gain = max(tells([np.exp(-t / (time * longest)) for t in times])[1] for time in TIMES)
-        if gain > best:
+        fades = [[np.exp(-t / (time * longest)) for t in times] for time in TIMES]
+        gain, fade = max(((tells(one, sigma)[1], one) for one in fades), key=lambda told: told[0])
+        # part of what stands above noise, where any does, and no other form says
+        rest = _without(fit.left, beside)
+        above = sum(max(float(rest[a:b] @ rest[a:b]) - (b - a), 0.0) for a, b in edges_of(parts))
+        if gain > best and 2.0 * tells(fade, np.ones_like(sigma))[1] > MOSTLY * above:
             best = gain
             early = [(t < 0.5 * longest).astype(float) for t in times]
             power = sum(float(torque @ torque) for torque in made)
             usual = sum(float(torque**2 @ shape) for torque, shape in zip(made, early, strict=True)) / power
-            more, _ = tells([shape - usual for shape in early])
+            more, _ = tells([shape - usual for shape in early], sigma)
             begins, ends = 1.0 + more * (1.0 - usual), 1.0 - more * usual
             said = WARMS_SAID.format(
                 friction=effect_in_words(found[k].effect),
@@ -79,10 +84,15 @@ def _tells(left: Vector, beside: Vector, column: Vector) -> tuple[float, float]:
         beside: What may change as well, shape (N, p).
         column: What is asked about, shape (N,).
     """
-    axes, _ = np.linalg.qr(beside)
-    left, column = left - axes @ (axes.T @ left), column - axes @ (axes.T @ column)
+    left, column = _without(left, beside), _without(column, beside)
     power = float(column @ column)
     if not power > 0.0:
         return 0.0, 0.0
     along = float(column @ left)
     return -along / power, 0.5 * along**2 / power
+
+
+def _without(values: Vector, columns: Vector) -> Vector:
+    """Values (N,) without what columns (N, p) say of them."""
+    axes, _ = np.linalg.qr(columns)
+    return np.asarray(values - axes @ (axes.T @ values), dtype=np.float64)
