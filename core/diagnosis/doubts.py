@@ -19,17 +19,20 @@ from .beyond import CONSTANT, LIMIT, SPRINGS, STIFFENING, beyond_of, by_catalogu
 from .fit import Part, gained, spread
 from .forms import have_other_forms, law_along, other_forms
 from .found import Found, gives_alone
-from .hypothesis import defaults
+from .hypothesis import clamped, defaults
 from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening
 from .problem import Problem
-from .refine import SHAPES, Refined
+from .refine import PLAY, SHAPES, Refined
 from .unseen import EARNS
 
 Vector = NDArray[np.float64]
 # a number is moved by so much of itself, and what two numbers do is alike where it differs by less than this part
 STEP, SAME = 1.0e-3, 1.0e-2
+# part of itself by which play may be wider or narrower that an arm bounces in: of robots whose play is up to twice as
+# much apart none is like the real one, and which fit comes nearest is a matter of chance
+BOUNCED = 0.015
 # by effect, number of its place and column: how far a number may be another one [SI]
 Doubts = Mapping[tuple[str, int, str], float]
 
@@ -52,7 +55,7 @@ def doubts_of(
         nearest: With the catalogue's in their place, as they are handed on.
         parts: Of the evidence.
     """
-    out = _beyond(problem, fit, nearest) | _harmonics(problem, found, fit)
+    out = _beyond(problem, fit, nearest) | _harmonics(problem, found, fit) | _widths(problem, found, fit)
     return out | {
         key: max(value, out.get(key, 0.0)) for key, value in _formed(problem, whiten, found, fit, parts).items()
     }
@@ -188,6 +191,12 @@ def _harmonics(problem: Problem, found: Sequence[Found], fit: Refined) -> dict[t
             shifts = _taken_up(problem, whole, k, fit, more, own)
             out |= {fit.free[j]: abs(float(shift)) for j, shift in zip(own, shifts, strict=True)}
     return out
+
+
+def _widths(problem: Problem, found: Sequence[Found], fit: Refined) -> dict[tuple[str, int, str], float]:
+    """Of play in which arms bounce: clamped ones do not."""
+    loose = [item.key for item in found if item.effect == PLAY and not clamped(problem, item.at)]
+    return {(*key, "gap"): BOUNCED * fit.rows[key].values["gap"] for key in loose}
 
 
 def _taken_up(

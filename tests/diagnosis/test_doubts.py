@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import mbexport
 from mbexport.core.database import load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.beyond import SECOND, SECOND_PHASE
-from mbexport.core.diagnosis.doubts import doubted, doubts_of, untold
+from mbexport.core.diagnosis.doubts import _widths, doubted, doubts_of, untold
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.hypothesis import defaults
@@ -156,6 +157,15 @@ def test_a_wave_goes_otherwise_where_what_comes_twice_as_often_is_left_out():
     for name, other in (("amplitude", math.hypot(sine, cosine)), ("phase", math.atan2(cosine, sine))):
         place = (*ripples.key, name)
         assert half_of(nearest, place) < abs(plain[name] - other) < half_of(wide, place)
+
+
+def test_play_in_which_an_arm_bounces_is_known_no_better_than_bouncing_lets_it_be():
+    run = pendulum_run(duration=1.0)
+    held = replace(run, locked=(1,))
+    play = Found("backlash", 1, EffectRow(1, {**defaults("backlash"), "gap": 0.02}), 50.0)
+    fit = SimpleNamespace(rows={play.key: play.row})
+    assert _widths(problem(load("pendulum"), "rigid", [run]), [play, DAMPS], fit) == {(*play.key, "gap"): 0.0003}
+    assert _widths(problem(load("pendulum"), "rigid", [held]), [play, DAMPS], fit) == {}
 
 
 def test_a_diagnosis_tells_the_wider_interval():
