@@ -535,8 +535,9 @@ def _shown(run: Prepared, whole: Expansion, nominal: Robot | None) -> _Shown | N
     if torque is None:
         return None
     offsets = tuple(stage.sensor.position_offset for stage in nominal.stages)
+    gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in nominal.stages])
     friction, _ = _rubbed(_rubbing(nominal), run, offsets, tuple(creep_of(run).tolist()))
-    return _Shown(None, whole.spread(torque - friction))
+    return _Shown(None, whole.spread(gain * torque - friction))
 
 
 def _gives(drive: Drive) -> bool:
