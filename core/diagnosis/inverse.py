@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from importlib import import_module
@@ -22,8 +22,8 @@ from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
-from .prepare import Prepared, creep_of, filtered
-from .starting_side import light_load, rows_until_taken_along
+from .prepare import Prepared, creep_of
+from .starting_side import Witness
 
 Vector = NDArray[np.float64]
 
@@ -35,10 +35,6 @@ LIGHT = 0.1
 STANDS, REST = 0.7, 0.05
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
-# the part of a run that may tell where in their clearances arms began: play is tried that is as wide as all motion
-FIRST_PART = 0.25
-# a part of a light load that is none
-WEIGHTLESS = 1.0e-6
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -90,7 +86,7 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
         beyond: What it has beyond the catalogue's laws.
     """
-    moved = _moved(_bodies(robot), run, of_springs(beyond), _witness(robot, nominal))
+    moved = _moved(_bodies(robot), run, of_springs(beyond), _asked_by(robot, nominal))
     whole = expanded(robot, imposed=True)
     driven = list(whole.driven)
     clamped = [driven[joint - 1] for joint in run.run.locked]
@@ -130,7 +126,7 @@ def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vec
     Returns:
         Of all joints, those of soft arms and bearings too, shape (m, k) each.
     """
-    moved = _moved(_bodies(robot), run, (), _witness(robot, nominal))
+    moved = _moved(_bodies(robot), run, (), _asked_by(robot, nominal))
     return moved.q, moved.dq
 
 
@@ -149,7 +145,7 @@ def _erring(error: Vector, h: float, q: Vector, dq: Vector, ddq: Vector) -> tupl
 @np.errstate(over="ignore", invalid="ignore")
 def stretch_of(robot: Robot, run: Prepared, nominal: Robot, effect: str, at: int, beyond: Beyond = ()) -> Vector:
     """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
-    moved = _moved(_bodies(robot), run, of_springs(beyond), _witness(robot, nominal))
+    moved = _moved(_bodies(robot), run, of_springs(beyond), _asked_by(robot, nominal))
     stretches = (moved.theta - moved.q)[:, places(robot, expanded(robot, imposed=True), effect, at)]
     return stretches[:, int(np.argmax(np.mean(stretches**2, axis=0)))]
 
@@ -206,8 +202,8 @@ def _bodies(robot: Robot) -> Robot:
     return Robot(robot.name, robot.gravity, robot.base, robot.base_correction, stages, robot.tool)
 
 
-def _witness(robot: Robot, nominal: Robot) -> Robot | None:
-    """Whose feedforward may have to tell where in their clearances arms began; None where nothing has any."""
+def _asked_by(robot: Robot, nominal: Robot) -> Robot | None:
+    """Whose feedforward was asked for, where that may have to tell how arms began; None where nothing has clearance."""
     return nominal if any(stage.drive.spring and stage.drive.spring.gap for stage in robot.stages) else None
 
 
@@ -229,7 +225,7 @@ def _moved(robot: Robot, run: Prepared, stiffening: Beyond, nominal: Robot | Non
     clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
     stiffens = of_joints(robot, whole, stiffening)
     motion = _stopped(clamped, turned, dturned, ddturned)
-    q, dq, ddq = _arms(full, arms, run, clamped, stiffens, _shown(run, whole, nominal), *motion)
+    q, dq, ddq = _arms(full, arms, run, clamped, stiffens, _witness_of(run, whole, nominal), *motion)
     load = arms.inverse_dynamics(q, dq, ddq)
     for i in clamped:
         # what the arm weighs is the clamp's too; its drive has what the spring is wound up by
@@ -407,7 +403,7 @@ def _arms(
     run: Prepared,
     clamped: Mapping[int, float],
     stiffening: Vector,
-    shown: _Shown | None,
+    witness: Witness | None,
     theta: Vector,
     dtheta: Vector,
     ddtheta: Vector,
@@ -444,7 +440,7 @@ def _arms(
                 begun = table._replace(side=side)
                 return _compiled("arms_across")(arms.table, some, begun, finer, run.h, *(x[:rows] for x in motion))
 
-            side = nowhere if shown is None else shown.sides(robot, arms, run, loose, motion, across)
+            side = nowhere if witness is None else witness.sides(robot, arms, run, loose, motion, across)
             q, dq, ddq = across(side, len(theta))
         else:
             q, dq, ddq = _compiled("arms_along")(arms.table, some, table, run.h, *motion)
@@ -457,87 +453,22 @@ def _arms(
     return q, dq, ddq
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Shown:
-    """What shows where in their clearances arms began; shapes (m, k) of all joints.
-
-    Attributes:
-        q_link: Arm sides, where they were measured.
-        torque: What moved the motors but for the friction that was known, else.
-    """
-
-    q_link: Vector | None
-    torque: Vector | None
-
-    def sides(
-        self,
-        robot: Robot,
-        arms: Dynamics,
-        run: Prepared,
-        loose: NDArray[np.bool_],
-        motion: tuple[Vector, Vector, Vector],
-        across: Callable[[Vector, int], tuple[Vector, Vector, Vector]],
-    ) -> Vector:
-        """At which side each free arm began, from -1 to 1, shape (k,); NaN of those that a load presses to one.
-
-        Args:
-            robot: All joints of its expansion.
-            arms: Its rigid bodies.
-            run: Whose motion it is.
-            loose: Joints with a clearance, shape (k,).
-            motion: Of the motor sides (with transmission errors).
-            across: Motion of the arms that begin at these sides (k,), of so many rows.
-        """
-        theta, _, ddtheta = motion
-        side = np.full(len(loose), np.nan)
-        pull = np.array(
-            [
-                sum(spring.stiffness * (x - spring.rest) for spring in stage.drive.arm_springs)
-                for stage, x in zip(robot.stages, theta[0], strict=True)
-            ]
-        )
-        load = arms.gravity(theta[0]) + pull
-        free = loose & (np.abs(load) <= light_load(robot))
-        gaps = np.array([stage.drive.spring.gap if stage.drive.spring else 0.0 for stage in robot.stages])
-        rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
-        # the filter needs both of its ends
-        rows = max(min(rows, int(FIRST_PART * len(theta))), 2 * run.edge)
-
-        def missed(tried: Vector, i: int) -> float:
-            q, dq, ddq = across(tried, rows)
-            if self.q_link is not None:
-                return float(np.mean(np.abs(self.q_link[:rows, i] - q[:, i])))
-            assert self.torque is not None
-            takes = robot.stages[i].drive.inertia * ddtheta[:rows, i] + arms.inverse_dynamics(q, dq, ddq)[:, i]
-            beside = filtered(run, (self.torque[:rows, i] - takes)[:, None])
-            # steady friction is no witness, nor what a blow is like that comes at its time
-            return float(np.mean(np.abs(beside - np.median(beside))))
-
-        for i in np.flatnonzero(free):
-            # where nothing tells, it is where its load has it
-            settled = float(np.sign(load[i])) if abs(load[i]) > WEIGHTLESS * light_load(robot) else 0.0
-            places = sorted((0.0, -1.0, 1.0), key=lambda place, settled=settled: abs(place - settled))
-            options = [np.where(np.arange(len(side)) == i, place, side) for place in places]
-            side = min(options, key=lambda tried, i=int(i): missed(tried, i))
-        return side
-
-
-def _shown(run: Prepared, whole: Expansion, nominal: Robot | None) -> _Shown | None:
+def _witness_of(run: Prepared, whole: Expansion, nominal: Robot | None) -> Witness | None:
     """What shows where arms began; None where nothing does, or nothing has a clearance."""
     if nominal is None:
         return None
-    if "q_link" in run.measured:
-        return _Shown(whole.spread(run.measured["q_link"]), None)
-    n = nominal.n
+    q_link, n = run.measured.get("q_link"), nominal.n
+    if q_link is not None:
+        q_link = whole.spread(np.where(run.missing["q_link"].all(axis=0), math.nan, q_link))
     torque = run.measured.get("tau")
     if torque is None:
         torque = _asked(run, nominal, (), (), 0.0, (math.inf,) * n, (0.0,) * n)
     if torque is None:
-        return None
+        return Witness(q_link, None)
     offsets = tuple(stage.sensor.position_offset for stage in nominal.stages)
     gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in nominal.stages])
     friction, _ = _rubbed(_rubbing(nominal), run, offsets, tuple(creep_of(run).tolist()))
-    return _Shown(None, whole.spread(gain * torque - friction))
+    return Witness(q_link, whole.spread(gain * torque - friction))
 
 
 def _gives(drive: Drive) -> bool:

@@ -86,6 +86,21 @@ def test_along_the_motion_too(side, heard):
     assert (q[0, 0] - grid.q[0, 0]) / (0.5 * GAP) == pytest.approx(side, abs=0.05)
 
 
+def test_an_encoder_behind_another_gear_is_no_witness():
+    """Of a joint that has none the torque is."""
+    run = rattling_run(GAP, ROTOR, duration=1.0, side=1.0)
+    robot, nominal = robot_of(UPRIGHT, "full", run, PLAY), robot_of(UPRIGHT, "full", run)
+    grid = prepared(run)
+    other = replace(
+        grid,
+        measured={**grid.measured, "q_link": 0.0 * grid.q},
+        missing={**grid.missing, "q_link": np.ones_like(grid.missing["q_link"])},
+    )
+    for one in (grid, other):
+        q, _ = arms_along(robot, one, nominal)
+        assert (q[0, 0] - grid.q[0, 0]) / (0.5 * GAP) == pytest.approx(1.0, abs=0.05)
+
+
 @pytest.mark.parametrize("rate", [50.0, 100.0])
 def test_along_the_motion_of_a_slow_record(rate):
     """That has fewer rows in these moments than a filter needs."""
