@@ -107,6 +107,11 @@ def swapped(state: Search, parts: Sequence[Part]) -> bool:
             # what takes something else away, of a channel that nothing explains, is no other name
             alike = takes_the_same(beside.left, fit.left, other.left, sigma)
             as_much = plainer and alike and energy_of(other.left) - energy_of(fit.left) < same
+            if as_much:
+                # moved in a straight line, others may come to where they leave more than nothing does
+                rest = refined(problem, whiten, others, parts).left
+                same = min(same, SIMPLER * (energy_of(rest) - energy_of(fit.left)))
+                as_much = energy_of(other.left) - energy_of(fit.left) < same
             if as_much or gained(fit.left, other.left, sigma, parts) > dearer + ALIKE:
                 state.found, state.left, state.slope = other.found, other.left, other.slope
                 return True

@@ -146,3 +146,23 @@ def test_more_numbers_of_a_finding_in_the_place_of_another_are_no_second_one(mon
     assert not swapped(state, parts)
     assert [("link_inertia", 1)] in trials
     assert all(len(set(trial)) == len(trial) for trial in trials)
+
+
+def test_a_plain_name_is_held_against_the_others_fitted_anew(monkeypatch):
+    """Moved in a straight line for want of a finding, others may leave far more than nothing does."""
+    asked = question(lambda t, q, dq: 0.3 * math.tanh(dq / 1e-3) + 0.3 * math.sin(20.0 * q))
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    wave = {"amplitude": 0.3, "cycles": 20.0, "phase": 0.0}
+    both = [
+        Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.3}), 50.0, EffectRow(1, {"torque": 0.0})),
+        Found("torque_ripple", 1, EffectRow(1, wave), 50.0, EffectRow(1, wave | {"amplitude": 0.0})),
+    ]
+    state = having(asked, whiten, parts, both)
+    before = float(state.left @ state.left)
+    offset = Hypothesis("torque_offset", 1, "", lambda beta: {"torque": 0.1}, np.ones(1), np.zeros(1))
+    contender = Contender(offset, 90.0, 1.0, np.ones(1), np.zeros(len(state.left)), 1.0)
+    monkeypatch.setattr(instead, "contenders", lambda *_: [contender])
+    monkeypatch.setattr(instead, "left_with", lambda *asked: left_with(*asked) + 1e4)
+    assert not swapped(state, parts)
+    assert [item.effect for item in state.found] == ["coulomb_friction", "torque_ripple"]
+    assert float(state.left @ state.left) == before
