@@ -23,7 +23,7 @@ from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
 from .prepare import Prepared, creep_of
-from .starting_side import Witness
+from .starting_side import Witness, clearance_of
 
 Vector = NDArray[np.float64]
 
@@ -204,7 +204,7 @@ def _bodies(robot: Robot) -> Robot:
 
 def _asked_by(robot: Robot, nominal: Robot) -> Robot | None:
     """Whose feedforward was asked for, where that may have to tell how arms began; None where nothing has clearance."""
-    return nominal if any(stage.drive.spring and stage.drive.spring.gap for stage in robot.stages) else None
+    return nominal if any(map(clearance_of, robot.stages)) else None
 
 
 @lru_cache(maxsize=_REMEMBERED)

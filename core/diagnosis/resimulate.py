@@ -20,7 +20,7 @@ from ..kinematics import dynamics, jacobian
 from ..motion import MotionLaw, from_table, hold
 from ..recording import Run
 from ..recording.run import MEASURED
-from ..representation import Robot, Stage
+from ..representation import Robot
 from ..simulation import Backend, MachineState, Trace, backend_named, simulate
 from ..simulation.settle import sagged
 from ..simulation.step import choose_step, poses_of
@@ -28,7 +28,7 @@ from .evidence import sticking
 from .inverse import STANDS, arms_along, said
 from .prepare import Prepared, creep_of, filtered, prepared, widened
 from .sensed import noise_in
-from .starting_side import nearest_start, places_at_rest, rows_until_taken_along
+from .starting_side import clearance_of, nearest_start, places_at_rest, rows_until_taken_along
 
 Vector = NDArray[np.float64]
 
@@ -146,13 +146,14 @@ def _start_in_play(
     places = places_at_rest(whole.robot, rest)
     if not places:
         return None
-    gaps = np.array([_gap(stage) if i in places else 0.0 for i, stage in enumerate(whole.robot.stages)])
+    gaps = np.array([clearance_of(stage) if i in places else 0.0 for i, stage in enumerate(whole.robot.stages)])
     first = _first_rows(run, rows_until_taken_along(gaps, whole.spread(law.at(run.t)[0]), run.t))
 
     def missed(start: MachineState) -> float:
         left = residuals(run, _simulated(robot, nominal, first, backend, law, run.control, start, step), robot)
-        parts = [np.nanmean(np.square(values / noise_in(run, name).sigma)) for name, values in left.items()]
-        return float(sum(parts))
+        squares = [np.square(values / noise_in(run, name).sigma) for name, values in left.items()]
+        # of what was not measured then nothing is known
+        return sum(float(np.mean(one[there])) for one in squares if (there := np.isfinite(one)).any())
 
     return nearest_start(rest, places, missed)
 
@@ -173,12 +174,7 @@ def _first_rows(run: Run, rows: int) -> Run:
 
 def rattles(robot: Robot) -> bool:
     """Whether an arm may fly across a clearance."""
-    return any(_gap(stage) > 0.0 for stage in robot.stages)
-
-
-def _gap(stage: Stage) -> float:
-    """The clearance before an arm [rad or m]."""
-    return stage.drive.spring.gap if stage.drive.spring else 0.0
+    return any(clearance_of(stage) > 0.0 for stage in robot.stages)
 
 
 @lru_cache(maxsize=32)

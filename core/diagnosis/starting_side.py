@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kinematics import Dynamics
-from ..representation import Robot
+from ..representation import Robot, Stage
 from ..simulation import MachineState
-from ..simulation.settle import terms_at_rest
+from ..simulation.settle import terms_at_rest, weight_of
 from .prepare import Prepared, filtered
 
 Vector = NDArray[np.float64]
@@ -53,10 +53,14 @@ def places_at_rest(robot: Robot, rest: MachineState) -> Mapping[int, tuple[float
     return found
 
 
+def clearance_of(stage: Stage) -> float:
+    """The clearance before an arm [rad or m]."""
+    return stage.drive.spring.gap if stage.drive.spring else 0.0
+
+
 def light_load(robot: Robot) -> float:
     """What presses on an arm and may as well pull [N m or N]."""
-    weight = sum(stage.arm.inertia.mass for stage in robot.stages) * float(np.linalg.norm(robot.gravity))
-    return LIGHT * weight
+    return LIGHT * weight_of(robot)
 
 
 def rows_until_taken_along(gaps: Vector, theta: Vector, t: Vector) -> int:
@@ -114,7 +118,7 @@ class Witness:
         )
         load = arms.gravity(theta[0]) + pull
         free = loose & (np.abs(load) <= light_load(robot))
-        gaps = np.array([stage.drive.spring.gap if stage.drive.spring else 0.0 for stage in robot.stages])
+        gaps = np.array([clearance_of(stage) for stage in robot.stages])
         rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
         # the filter needs both of its ends
         rows = max(min(rows, int(FIRST_PART * len(theta))), 2 * run.edge)

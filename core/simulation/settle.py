@@ -107,6 +107,11 @@ def settled(robot: Robot, engine: Weighed, command: Vector, kp: Vector, feedforw
     return _Rest(robot, engine, command + softness * gain * feedforward, softness).found()
 
 
+def weight_of(robot: Robot) -> float:
+    """Weight of all arms [N]."""
+    return sum(stage.arm.inertia.mass for stage in robot.stages) * float(np.linalg.norm(robot.gravity))
+
+
 def terms_at_rest(drive: Drive, kind: TermKind, theta: float, q: float) -> float:
     """Sum of a drive's laws of one kind at rest."""
     return sum(
@@ -173,8 +178,7 @@ class _Rest:
         return self.engine.gravity(q) + np.array(held)
 
     def _pressed(self, load: Vector) -> Vector:
-        weight = sum(stage.arm.inertia.mass for stage in self.robot.stages) * float(np.linalg.norm(self.robot.gravity))
-        return np.where(np.abs(load) > WEIGHTLESS * weight, np.sign(load), 0.0)
+        return np.where(np.abs(load) > WEIGHTLESS * weight_of(self.robot), np.sign(load), 0.0)
 
     def _stretch(self, q: Vector, theta: Vector) -> Vector:
         error = [

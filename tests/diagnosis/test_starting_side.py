@@ -1,6 +1,7 @@
 """Where in its clearance an arm begins that nothing presses to a side: as a run's first moments have it."""
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -122,6 +123,16 @@ def test_along_the_motion_a_load_is_not_asked():
     grid = prepared(lifted)
     q, _ = arms_along(robot, grid, nominal)
     assert q[0, 0] - grid.q[0, 0] == pytest.approx(-0.5 * GAP, rel=0.05)
+
+
+def test_a_channel_that_was_not_measured_at_first_tells_nothing():
+    """Nor does it keep the others from telling, or warn."""
+    run = rattling_run(GAP, ROTOR, duration=1.0, side=1.0)
+    tau = np.where(run.t[:, None] < 0.9, np.nan, run.signals["tau"])
+    late = replace(run, signals={**run.signals, "tau": tau})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert misses(late) < 1.5
 
 
 def test_who_simulates_begins_only_free_arms_elsewhere():
