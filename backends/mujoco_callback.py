@@ -1,7 +1,7 @@
 """What MuJoCo calls at every stage of a step: the drives' equations, compiled, as its control callback.
 
-MuJoCo's callbacks belong to the whole process. Ours is set only while one of our engines advances, one at a time, and
-acts on that engine's data alone.
+MuJoCo's callbacks belong to the whole process. Ours is set only while engines of ours advance, each of which has a seat
+meanwhile, and acts on their data alone.
 """
 
 from __future__ import annotations
@@ -12,9 +12,7 @@ import threading
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from ..core.errors import RefusedError
 from ..core.simulation import imposed
@@ -34,16 +32,17 @@ from ..core.simulation.by_address import (
 )
 from ..core.simulation.compiled import as_it_stands
 
-Way = Literal["torque", "load", "motion"]
+# motor sides are moved by torque, by torque with friction under load, or by a motion
+WAYS = ("torque", "load", "motion")
+_TORQUE, _LOAD, _MOTION = range(3)
 
 _numba: Any = import_module("numba")
 _types: Any = _numba.types
 _ir: Any = import_module("llvmlite.ir")
 _mujoco: Any = import_module("mujoco")
-_step: Any = _mujoco.mj_step
 
 (
-    DATA,  # address of the engine's mjData
+    WAY,  # which of WAYS
     CALLS,  # since the advance began; RK4 calls four times a step, first at the accepted state
     MIXED,  # 1 where rigid joints are imposed beside elastic ones
     DOFS,
@@ -68,22 +67,28 @@ _step: Any = _mujoco.mj_step
     TORQUE,
 ) = range(ENGINE, ENGINE + 23)
 
-# compiled code finds the book of the engine that advances here
-_CURRENT = np.zeros(1, dtype=np.int64)
-_SYMBOL = "mbexport_mujoco_book"
+# engines that advance at a time: each has a seat, with the addresses of its mjData and its book
+_SEATS = 32
+_SEATED = (ctypes.c_int64 * (2 * _SEATS))()
+_SYMBOL = "mbexport_mujoco_seats"
+_ROOM = threading.BoundedSemaphore(_SEATS)
 _LOCK = threading.Lock()
+_FREE = list(range(_SEATS))
+# what stood in MuJoCo's variable before the first of ours came
+_BEFORE: list[int | None] = [None]
 
-import_module("llvmlite.binding").add_symbol(_SYMBOL, _CURRENT.ctypes.data)
+import_module("llvmlite.binding").add_symbol(_SYMBOL, ctypes.addressof(_SEATED))
 
 
-def _current_book(typing: Any) -> Any:
+def _seats(typing: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.load(context.get_c_value(builder, _ir.IntType(64), _SYMBOL))
+        place = context.get_c_value(builder, _ir.IntType(64), _SYMBOL)
+        return builder.ptrtoint(place, _ir.IntType(64))
 
     return _types.intp(), generate
 
 
-_book_address: Any = import_module("numba.extending").intrinsic(_current_book)
+_seats_address: Any = import_module("numba.extending").intrinsic(_seats)
 _acceleration: Any = imposed.imposed_acceleration
 as_it_stands(_acceleration)
 
@@ -201,81 +206,96 @@ def _write_motion(book: Any, memory: Any, stage: int, t: float) -> None:
         _drive_rigid_joints(book, memory, n)
 
 
+@_numba.njit
+def _book_of(data: int) -> int:
+    """Address of the book of the engine with that mjData; 0 where it is none of ours that advances."""
+    seats = integers(_seats_address(), 2 * _SEATS)
+    for k in range(_SEATS):
+        if seats[2 * k] == data:
+            return seats[2 * k + 1]
+    return 0
+
+
 @cache
-def _compiled(way: Way) -> Any:
-    """The callback for one way of running, compiled: void(const mjModel*, mjData*)."""
+def _compiled() -> Any:
+    """The callback, compiled: void(const mjModel*, mjData*)."""
     stamp = source_stamp(sys.modules[__name__], imposed)
 
-    def by_torque(model: int, data: int) -> None:
-        book = integers(_book_address(), SIZE)
-        if stamp != 0 and book[DATA] == data:
+    def drive(model: int, data: int) -> None:
+        address = _book_of(data)
+        if stamp != 0 and address != 0:
+            book = integers(address, SIZE)
             memory = drive_memory_at(book)
             stage, t = _read_state(book, memory)
-            evaluate_drives(memory, t, stage == 0)
+            if book[WAY] == _MOTION:
+                _write_motion(book, memory, stage, t)
+                return
+            if book[WAY] == _LOAD:
+                _evaluate_loaded(book, memory, memory.q.shape[0], t, stage == 0)
+            else:
+                evaluate_drives(memory, t, stage == 0)
             _write_torques(book, memory)
 
-    def under_load(model: int, data: int) -> None:
-        book = integers(_book_address(), SIZE)
-        if stamp != 0 and book[DATA] == data:
-            memory = drive_memory_at(book)
-            stage, t = _read_state(book, memory)
-            _evaluate_loaded(book, memory, memory.q.shape[0], t, stage == 0)
-            _write_torques(book, memory)
-
-    def by_motion(model: int, data: int) -> None:
-        book = integers(_book_address(), SIZE)
-        if stamp != 0 and book[DATA] == data:
-            memory = drive_memory_at(book)
-            stage, t = _read_state(book, memory)
-            _write_motion(book, memory, stage, t)
-
-    function = {"torque": by_torque, "load": under_load, "motion": by_motion}[way]
-    return _numba.cfunc("void(intp, intp)", cache=True)(function)
+    return _numba.cfunc("void(intp, intp)", cache=True)(drive)
 
 
 class Callback(NamedTuple):
-    """A compiled callback.
+    """The compiled callback, and MuJoCo's own.
 
     Attributes:
-        address: Of its code.
+        address: Of the callback's code.
         slot: MuJoCo's variable mjcb_control. Setting it through the Python binding costs as much as two steps' laws.
+        step: Address of mj_step.
     """
 
     address: int
     slot: ctypes.c_void_p
+    step: int
 
 
 @cache
-def callback(way: Way) -> Callback:
-    """The callback for motor sides that are moved by torque, by torque with friction under load, or by a motion.
+def callback() -> Callback:
+    """The callback.
 
     Raises:
         RefusedError: MuJoCo is not installed as its Python package brings it.
     """
     folder = Path(str(_mujoco.__file__)).parent
-    library = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
-    if not library:
+    files = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
+    if not files:
         raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
-    slot = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library[0])), "mjcb_control")
-    return Callback(int(_compiled(way).address), slot)
+    library = ctypes.CDLL(str(files[0]))
+    step = ctypes.cast(library.mj_step, ctypes.c_void_p).value
+    assert step is not None
+    return Callback(int(_compiled().address), ctypes.c_void_p.in_dll(library, "mjcb_control"), step)
 
 
-def step_with_drives(model: Any, data: Any, steps: int, book: int, drives: Callback) -> None:
-    """Step a model of one of our engines that many times, the callback set.
+def take_seat(data: int, book: int, drives: Callback) -> int:
+    """Have the callback act on an engine until it leaves its seat.
 
     Args:
-        model: mjModel.
-        data: Its mjData.
-        steps: How many.
-        book: Address of the engine's book.
+        data: Address of its mjData.
+        book: Address of its book.
         drives: The callback.
+
+    Returns:
+        The seat.
     """
-    address, slot = drives
+    _ROOM.acquire()
     with _LOCK:
-        before = slot.value
-        _CURRENT[0] = book
-        slot.value = address
-        try:
-            _step(model, data, steps)
-        finally:
-            slot.value = before
+        if len(_FREE) == _SEATS:
+            _BEFORE[0] = drives.slot.value
+            drives.slot.value = drives.address
+        seat = _FREE.pop()
+        _SEATED[2 * seat], _SEATED[2 * seat + 1] = data, book
+    return seat
+
+
+def leave_seat(seat: int, drives: Callback) -> None:
+    """The callback acts no longer on the engine that has that seat."""
+    with _LOCK:
+        _SEATED[2 * seat] = 0
+        _FREE.append(seat)
+        if len(_FREE) == _SEATS:
+            drives.slot.value = _BEFORE[0]
+    _ROOM.release()

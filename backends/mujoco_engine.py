@@ -7,7 +7,7 @@ import logging
 import math
 import xml.etree.ElementTree as ET
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,11 @@ from . import mujoco_callback as at
 from .common import sheet_of
 from .driven import DrivenEngine
 from .mjcf_text import ARM_SPRING_SUFFIX, MOTOR_SUFFIX
+from .mujoco_follow import Followed, compiled_follow, timestep_of
+
+if TYPE_CHECKING:
+    from ..core.control import PdTable
+    from ..core.simulation.timeline import Rows, Timeline
 
 _mujoco: Any = import_module("mujoco")
 _step: Any = _mujoco.mj_step
@@ -78,7 +83,9 @@ class MujocoEngine(DrivenEngine):
         self._clock = np.zeros(2)
         self._book = self._written_book(rows)
         self._called = self._mixed = False
-        self._callback: Any = None
+        self._callback = at.callback()
+        self._address: int = self._data._address  # pyright: ignore[reportPrivateUsage]
+        self._followed = self._all_followed()
         self._step = 0.0
         self._statics = copy.copy(model)
         self._statics.dof_armature[:] = 0.0
@@ -107,7 +114,6 @@ class MujocoEngine(DrivenEngine):
     def _written_book(self, rows: Any) -> Book:
         n, data = self.n, self._data
         book = Book(self.drives)
-        book.entries[at.DATA] = data._address
         book.entries[at.DOFS] = self._model.nv
         book.entries[at.ELASTIC] = int(self.elastic.sum())
         order = np.argsort(~self.elastic, kind="stable").astype(np.int64)
@@ -129,6 +135,18 @@ class MujocoEngine(DrivenEngine):
         ):
             book.put(place, array)
         return book
+
+    def _all_followed(self) -> Followed | None:
+        """What compiled code needs to go through a controlled run; None where it cannot."""
+        timestep = timestep_of(self._model)
+        if timestep is None or not self._all_driven:
+            return None
+        calls = self._book.entries[at.CALLS : at.CALLS + 1]
+        return Followed(
+            *(self._callback.step, self._model._address, self._address),
+            *(timestep, self._clock, calls, self._position, self._speed, self._motor, self._arm, self.command),
+            *(np.zeros(self.n) for _ in range(5)),
+        )
 
     def tool_in_base(self, q: Vector) -> Vector:
         """As the contract says."""
@@ -197,7 +215,7 @@ class MujocoEngine(DrivenEngine):
         self._book.entries[at.MIXED] = self._mixed
         if self._called:
             way = "motion" if motion is not None else "load" if self.drives.needs_load else "torque"
-            self._callback = at.callback(way)
+            self._book.entries[at.WAY] = at.WAYS.index(way)
 
     def _put(self, state: MachineState) -> None:
         data = self._data
@@ -217,12 +235,35 @@ class MujocoEngine(DrivenEngine):
             self._book.entries[at.CALLS] = 0
             self._clock[0] = self._t
             self._clock[1] = step
-            at.step_with_drives(self._model, self._data, steps, self._book.address, self._callback)
+            seat = at.take_seat(self._address, self._book.address, self._callback)
+            try:
+                _step(self._model, self._data, steps)
+            finally:
+                at.leave_seat(seat, self._callback)
         else:
             _step(self._model, self._data, steps)
         # what is no number spreads to all coordinates of a chain within a step
         if not math.isfinite(self._speed.item(0)):
             raise self._not_finite(self._t + duration)
+
+    def follow(self, timeline: Timeline, law: PdTable, offsets: Vector, rows: Rows) -> bool:
+        """As the contract says.
+
+        Raises:
+            RefusedError: The state is no longer finite.
+        """
+        if self._followed is None:
+            return False
+        seat = at.take_seat(self._address, self._book.address, self._callback) if self._called else None
+        try:
+            broken, self._t = compiled_follow()(self._followed, self._t, offsets, timeline, law, rows)
+        finally:
+            if seat is not None:
+                at.leave_seat(seat, self._callback)
+        self._step, self._evaluated, self._seen = 0.0, False, None
+        if broken >= 0:
+            raise self._not_finite(self._t)
+        return True
 
     def _integrated(self) -> MachineState:
         position, speed = self._position, self._speed

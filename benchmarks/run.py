@@ -2,8 +2,8 @@
 
     python benchmarks/run.py [NAME ...]
 
-Without a name: startup, steps, scaling, sweep, agreement on two robots and diagnosis. Each is a process of its own, so
-that none warms the next one up. Exit status 1 where one fails.
+Without a name: startup, steps, pieces, scaling, sweep, agreement on two robots and diagnosis. Each is a process of its
+own, so that none warms the next one up. Exit status 1 where one fails.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ HERE = Path(__file__).resolve().parent
 QUICK = {
     "startup": (),
     "steps": (),
+    "pieces": (),
     "scaling": (),
     "sweep": ("40",),
     "agreement": ("pendulum", "planar2r"),

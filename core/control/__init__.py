@@ -5,6 +5,7 @@ from .controller import Controller
 from .gains import default_pd
 from .log_file import LogFile, read_log
 from .log_parts import read_locked, read_noise, read_payload
+from .pd_law import PdTable
 from .unit_controller import UnitController, check_unit
 from .unit_file import ControllerUnit, read_unit
 from .unit_signals import Signals, read_signals
@@ -14,6 +15,7 @@ __all__ = [
     "Controller",
     "ControllerUnit",
     "LogFile",
+    "PdTable",
     "Signals",
     "UnitController",
     "check_unit",

@@ -11,6 +11,7 @@ from ..errors import RefusedError, UsageError
 from ..representation import Robot
 from .control import Control
 from .controller import Controller
+from .pd_law import cut, speed
 from .unit_file import ControllerUnit
 from .unit_instance import UnitInstance
 
@@ -54,7 +55,7 @@ class UnitController(Controller):
         if control.mode != "torque":
             raise UsageError(f"a controller's unit drives by torque; the control part says mode {control.mode}.")
         super().__init__(robot, robot, control, motion, duration)
-        _, _, self._ddq_cmd = motion.at(self.tick_times)
+        self._command = motion.at(control.commanded_at(self.tick_times))
         self._unit = unit
         self._interval = 1.0 / control.rate
         self._instance: UnitInstance | None = None
@@ -75,7 +76,11 @@ class UnitController(Controller):
 
     def asked(self) -> Vector:
         """Torque that was asked for at every tick, after its limits, shape (m, n)."""
-        return self._torques
+        return self._table.torques
+
+    def table(self) -> None:
+        """None: the law is the unit's."""
+        return
 
     def close(self) -> None:
         """Give back the unit."""
@@ -83,34 +88,38 @@ class UnitController(Controller):
             self._instance.close()
             self._instance = None
 
-    def torque(self, k: int, q: Vector, dq: Vector, out: Vector) -> None:
+    def tick(self, k: int, q: Vector, dq: Vector) -> None:
         """As the contract says; the same tick again changes nothing, for a unit cannot go back."""
         if k == self._last:
             return
+        dq = speed(self._table, k, q, dq)
         if self._instance is None:
             self._instance = UnitInstance(self._unit)
             self._feed(self._instance, k, q, dq)
             self._instance.initialize()
             self._instance.begin()
         self._feed(self._instance, k, q, dq)
-        out[:] = self._instance.step(float(self.tick_times[k]), self._interval)
+        self._table.torques[k] = self._instance.step(float(self.tick_times[k]), self._interval)
+        cut(self._table, k)
         self._last = k
 
     def _feed(self, instance: UnitInstance, k: int, q: Vector, dq: Vector) -> None:
-        values = {"q": q, "dq": dq, "q_cmd": self._q_cmd[k], "dq_cmd": self._dq_cmd[k], "ddq_cmd": self._ddq_cmd[k]}
+        q_cmd, dq_cmd, ddq_cmd = (values[k] for values in self._command)
+        values = {"q": q, "dq": dq, "q_cmd": q_cmd, "dq_cmd": dq_cmd, "ddq_cmd": ddq_cmd}
         for place, (_, port) in enumerate(self._unit.inputs):
             instance.inputs[place] = values[port.signal][port.joint]
 
     def _gains(self) -> tuple[Vector, Vector]:
         """Gains on position, zeros where the unit has none such, and the torque where nothing is off, shapes (n,)."""
         n = len(self._unit.torques)
+        q_cmd, dq_cmd = (values[0] for values in self._command[:2])
         instance = UnitInstance(self._unit)
         try:
-            self._feed(instance, 0, self._q_cmd[0], self._dq_cmd[0])
+            self._feed(instance, 0, q_cmd, dq_cmd)
             instance.initialize()
 
             def answer(shift: Vector) -> Vector:
-                self._feed(instance, 0, self._q_cmd[0] + shift, self._dq_cmd[0])
+                self._feed(instance, 0, q_cmd + shift, dq_cmd)
                 return instance.looked_at()
 
             middle = answer(np.zeros(n))

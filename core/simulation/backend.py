@@ -18,8 +18,9 @@ from ..errors import RefusedError
 from ..representation import Robot
 
 if TYPE_CHECKING:
-    from ..control import Control
+    from ..control import Control, PdTable
     from ..motion import MotionLaw
+    from .timeline import Rows, Timeline
 
 Vector = NDArray[np.float64]
 Status = Literal["exact", "approximated", "impossible"]
@@ -172,6 +173,25 @@ class Engine(ABC):
     def reaction(self) -> Vector:
         """What T is on the motor sides: (1 + de/dtheta) T where a gear's transmission error is e, shape (n,)."""
         return self.transmitted()
+
+    def follow(self, timeline: Timeline, law: PdTable, offsets: Vector, rows: Rows) -> bool:
+        """Go through a part of a controlled run at once, in compiled code that leaves Python to others meanwhile.
+
+        As a run does it step by step: advance to each instant; at a tick the law sees the motors' positions, with the
+        encoders' offsets, and their speeds; at a switch its torque is held; at a row the state and the held torque are
+        recorded.
+
+        Args:
+            timeline: The instants.
+            law: Of the controller; its torques are written.
+            offsets: Of the encoders, shape (n,).
+            rows: Where the record goes.
+
+        Returns:
+            False, and nothing has happened, where this engine does not: the run goes step by step then.
+        """
+        del timeline, law, offsets, rows
+        return False
 
     def close(self) -> None:
         """Give back what the engine holds."""

@@ -20,6 +20,7 @@ from .backends import backend_named
 from .program import whole_program
 from .settle import controlled_start, imposed_start
 from .step import choose_step, poses_of
+from .timeline import INSTANT, Rows, Timeline
 from .trace import Trace
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from ..motion import MotionLaw
 
 DEFAULT_RATE = 1000.0
-# two instants closer than this are one [s]
-INSTANT = 1.0e-9
+# instants of a run that an engine goes through at once: an interrupt and the bar wait for no more
+AT_ONCE = 1000
 # a joint this far beyond a limit is at it [rad or m]
 AT_LIMIT = 1.0e-9
 
@@ -140,6 +141,9 @@ class _SpreadController:
 
     def held(self, k: int) -> Vector:
         return self._whole.spread(self._controller.held(k))
+
+    def table(self) -> None:
+        return
 
 
 def _told_of(trace: Trace, unit: ControllerUnit, controller: UnitController, law: MotionLaw) -> Trace:
@@ -290,28 +294,35 @@ def _controlled(
     rubs = any(stage.drive.terms or stage.drive.slips or stage.drive.damping for stage in robot.stages)
     friction = np.zeros_like(record.q)
     ask_friction, ask_transmitted = passed and rubs and not elastic.all(), passed and bool(elastic.any())
-    state = begin
-    # a delayed robot starts under the torque that settled it
+    # a delayed robot starts under the torque that settled it, which the first tick does not change
     controller.tick(0, begin.theta + offsets, begin.dtheta)
-    held = controller.held(0)
+    held = controller.held(0).copy()
     engine.hold(held)
-    for span, steps, tick, switch, k in _timeline(times, controller.tick_times, controller.switch_times, h):
-        if steps:
-            engine.advance(span, steps)
-            tell(span)
-        state = engine.state()
-        if tick >= 0:
-            controller.tick(tick, state.theta + offsets, state.dtheta)
-        if switch >= 0:
-            held = controller.held(switch)
-            engine.hold(held)
-        if k >= 0:
-            record.put(k, state)
-            record.tau[k] = held
-            if ask_transmitted:
-                record.tau_link[k] = engine.transmitted()
-            if ask_friction:
-                friction[k] = engine.friction()
+    # drives are asked step by step only
+    law = None if ask_friction or ask_transmitted else controller.table()
+    timeline = Timeline.of(times, controller.tick_times, controller.switch_times, h)
+    rows = Rows(record.q, record.dq, record.theta, record.dtheta, record.tau)
+    for part in timeline.parts(AT_ONCE):
+        if law is not None and engine.follow(part, law, offsets, rows):
+            tell(float(part.spans.sum()))
+            continue
+        for span, steps, tick, switch, k in part.instants():
+            if steps:
+                engine.advance(span, steps)
+                tell(span)
+            state = engine.state()
+            if tick >= 0:
+                controller.tick(tick, state.theta + offsets, state.dtheta)
+            if switch >= 0:
+                held = controller.held(switch)
+                engine.hold(held)
+            if k >= 0:
+                record.put(k, state)
+                record.tau[k] = held
+                if ask_transmitted:
+                    record.tau_link[k] = engine.transmitted()
+                if ask_friction:
+                    friction[k] = engine.friction()
     if passed:
         record.tau_link = _passed_by_moving(robot, engine, record, friction, elastic)
     return record
@@ -335,28 +346,6 @@ def _passed_by_moving(robot: Robot, engine: Engine, record: _Record, friction: V
     inertia = arms.mass_matrix(record.q) + np.diag(rotor)
     ddq = np.linalg.solve(inertia, (driving - arms.bias(record.q, record.dq))[..., None])[..., 0]
     return np.where(elastic, record.tau_link, free - rotor * ddq)
-
-
-def _timeline(times: Vector, ticks: Vector, switches: Vector, h: float) -> Iterator[tuple[float, int, int, int, int]]:
-    """All instants of a run in order: (time since the one before, steps, number of the tick, switch and record on it).
-
-    The numbers are -1 where nothing of that kind falls on the instant; the first has no steps.
-    """
-    everything = np.concatenate([times, ticks, switches])
-    order = np.sort(everything[everything <= times[-1] + INSTANT])
-    instants = order[np.concatenate([[True], np.diff(order) > INSTANT])]
-    spans = np.diff(instants, prepend=instants[0])
-
-    def numbers(of: Vector) -> list[int]:
-        at = np.searchsorted(of, instants - INSTANT)
-        found = at < len(of)
-        near = np.zeros(len(instants), dtype=bool)
-        near[found] = np.abs(of[at[found]] - instants[found]) <= INSTANT
-        return np.where(near, at, -1).tolist()
-
-    steps = np.maximum(1, np.ceil(spans / h - 1.0e-6)).astype(int)
-    steps[0] = 0
-    return zip(spans.tolist(), steps.tolist(), numbers(ticks), numbers(switches), numbers(times), strict=True)
 
 
 def _steps(span: float, h: float) -> int:
