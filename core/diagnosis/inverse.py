@@ -35,6 +35,8 @@ LIGHT = 0.1
 STANDS, REST = 0.7, 0.05
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
+# what is late by so nearly a number of rows is late by that
+WHOLE = 1.0e-6
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -521,9 +523,23 @@ def _asked(
         return None
     limit = np.array(control.torque_limit or [math.inf] * n)
     # a record at a tick shows the torque that acts there, and so the controller's of a whole number of ticks ago
-    late = np.ceil(delay * control.rate - 1e-6) / control.rate
+    late = math.ceil(delay * control.rate - 1e-6) / control.rate
+    asked = _before(run, torque, late)
     held: Vector = np.empty_like(run.q)
     for i in range(n):
-        there = np.asarray(np.interp(run.t - late, run.t, torque[:, i]), dtype=np.float64)
-        held[:, i] = cut_softly(cut_softly(there, float(limit[i])), drive_limit[i], knee[i])
+        held[:, i] = cut_softly(cut_softly(asked[:, i], float(limit[i])), drive_limit[i], knee[i])
     return held
+
+
+def _before(run: Prepared, values: Vector, late: float) -> Vector:
+    """Values (m, n) of a while ago [s]; before the first one that one.
+
+    Between samples by a spline: a straight line would take noise away, and what is late seem to leave less.
+    """
+    rows = late / run.h
+    if abs(rows - round(rows)) <= WHOLE:
+        return values[np.maximum(np.arange(len(values)) - round(rows), 0)]
+    interpolate: Any = import_module("scipy.interpolate")
+
+    spline = interpolate.make_interp_spline(run.t, values, axis=0)
+    return np.asarray(spline(np.maximum(run.t - late, run.t[0])), dtype=np.float64)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
-from mbexport.core.diagnosis.inverse import said
+from mbexport.core.diagnosis.inverse import _before, said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.prepare import creep_of
@@ -72,6 +72,22 @@ def test_a_delay_is_found_to_a_part_of_a_tick():
     found = search(state).found
     assert [item.effect for item in found] == ["delay"]
     assert found[0].row.values["time"] == pytest.approx(late, abs=6e-4)
+
+
+@pytest.mark.parametrize("rows", [0.0, 0.5, 1.0, 2.0])
+def test_what_is_late_is_no_quieter(rows):
+    """A straight line between samples took a third of the noise away, and a delay that is none seemed to help."""
+    run = prepare.prepared(pendulum_run(seed=1))
+    turn = np.arange(len(run.t))[:, None]
+    # up to a quarter of the rate at which it is sampled
+    for frequency in (0.01, 0.1, 0.25):
+        wave = np.sin(2.0 * np.pi * frequency * turn)
+        late = _before(run, wave, rows * run.h)
+        middle = slice(50, -50)
+        there = np.sin(2.0 * np.pi * frequency * (turn - rows))
+        np.testing.assert_allclose(late[middle], there[middle], atol=0.03)
+    # before the first one that one
+    assert _before(run, 3.0 + turn, 5.0 * run.h)[0] == _before(run, 3.0 + turn, 5.5 * run.h)[0] == 3.0
 
 
 def test_where_the_tool_points_is_compared():
