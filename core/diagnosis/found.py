@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from ..effects import EffectRow, effect_named
-from .hypothesis import GIVING, TENSOR, clamped
+from .hypothesis import GIVING, TENSOR, clamped, defaults
 from .model import Rows, tables
 from .placed import Placed
 from .plain import LEAST_MASS, at_a_point
@@ -90,6 +90,28 @@ def at_points(problem: Problem, found: Sequence[Found], unreal: Collection[tuple
         return replace(item, row=EffectRow(item.at, {**item.row.values, **dict.fromkeys(TENSOR, 0.0)}))
 
     return [point(item) if spread_out(item) else item for item in found] if any(map(spread_out, found)) else None
+
+
+def hung(problem: Problem, found: Sequence[Found], unreal: Collection[tuple[str, int]]) -> list[Found] | None:
+    """Findings with a load at the last arm where they have more of that arm which is no body; None: no such.
+
+    The arm's mass and first moments with moments of inertia of their own are hardly ever a body: a point that hangs
+    there always is one.
+    """
+    last = ("link_inertia", problem.database.n)
+    item = next((one for one in found if one.key == last), None)
+    if item is None or last not in unreal or any(one.effect == "payload" for one in found):
+        return None
+    arm, load = (problem.row_at(*key, {}) for key in (last, ("payload", 0)))
+    before = dict(load.values) if load else dict(defaults("payload"))
+    more = {name: item.row.values[name] - (arm.values[name] if arm else 0.0) for name in ("mass", "mx", "my", "mz")}
+    mass = before["mass"] + more["mass"]
+    if mass <= 0.0:
+        return None
+    first = {axis: before["mass"] * before[axis] + more["m" + axis] for axis in "xyz"}
+    values = before | {"mass": mass} | {axis: moment / mass for axis, moment in first.items()}
+    there = replace(item, effect="payload", at=0, row=EffectRow(0, values), absent=EffectRow(0, before))
+    return [there if one is item else one for one in found]
 
 
 def never_slipping(problem: Problem, found: Sequence[Found]) -> set[tuple[str, int]]:

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from .bodies import fitted_as_bodies
 from .contender import THRESHOLD, found_of
 from .fit import Part, energy_of, gained, spread, takes_the_same
 from .found import beside_or_more, never_slipping, rows_of, stuck_joints, without_bodies
-from .hypotheses import names_of_one
+from .hypotheses import names_of_one, twins_of
 from .hypothesis import Hypothesis
 from .refine import free_columns, left_with, refined, removal
 from .state import CRUMB, Search, contenders, prune
@@ -44,7 +45,7 @@ def condense(state: Search, parts: Sequence[Part]) -> None:
             # it would have to say alone what one of the two said better
             continue
         trial = [replace(item, gain=0.0) for item in (found_of(contender, rows), *state.found) if item is not there]
-        fit = refined(state.problem, state.whiten, trial, parts)
+        trial, fit, _ = fitted_as_bodies(state.problem, state.whiten, trial, parts)
         other = Search(state.problem, state.whiten)
         prune(other, trial, fit, parts, keep=key)
         if without_bodies(state.problem, other.found) or not other.found:
@@ -82,7 +83,9 @@ def swapped(state: Search, parts: Sequence[Part]) -> bool:
         own = fit.numbers_of(item.key)
         beside.slope = np.delete(fit.slope, own, axis=1)
         same = SIMPLER * (energy_of(beside.left) - energy_of(fit.left))
-        options = contenders(beside, parts, sorted(names_of_one(problem, *item.key)))
+        # a load and its arm's inertia are one body, but with some of its numbers only one may say more than the other
+        same_name = {item.key} if item.key in twins_of(problem) else names_of_one(problem, *item.key)
+        options = contenders(beside, parts, sorted(same_name))
         # before all of its numbers are free a plainer one may seem to leave more
         near = energy_of(fit.left) + CRUMB * (energy_of(beside.left) - energy_of(fit.left))
         plain = [one for one in options if one.numbers < len(own) and energy_of(one.left) < near]
@@ -94,7 +97,8 @@ def swapped(state: Search, parts: Sequence[Part]) -> bool:
             # more numbers of a finding that is there are no second one
             trial = beside_or_more(others, [found_of(contender, rows)])
             other = Search(problem, whiten)
-            prune(other, trial, refined(problem, whiten, trial, parts), parts)
+            trial, joint, _ = fitted_as_bodies(problem, whiten, trial, parts)
+            prune(other, trial, joint, parts)
             unreal = without_bodies(problem, other.found) | never_slipping(problem, other.found)
             if unreal or stuck_joints(problem, other.found) or not other.found:
                 continue

@@ -19,7 +19,7 @@ from .bounces import Bounces, bounces
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
-from .found import Found, as_hard_as_a_contact, at_points, gives_alone, rows_of, without_bodies
+from .found import Found, as_hard_as_a_contact, at_points, gives_alone, hung, rows_of, without_bodies
 from .gap import Gap, gap_of
 from .held import (
     BEYOND_DOUBT,
@@ -329,8 +329,8 @@ class Judge:
                     self.whole, [replace(item, row=row) for item, row in zip(kept, rows, strict=True)]
                 )
             }
-            if (points := at_points(self.whole, kept, unreal)) is not None:
-                kept = points
+            if (bodies := at_points(self.whole, kept, unreal) or hung(self.whole, kept, unreal)) is not None:
+                kept = bodies
                 continue
             if unreal:
                 dropped += [Rejected(item.effect, item.place, UNREAL) for item in kept if item.key in unreal]

@@ -9,13 +9,13 @@ make needless are taken out again.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from .bodies import fitted_as_bodies
 from .contender import THRESHOLD, Contender, found_of, ranked
 from .fit import Part, blocks, gained, spread
-from .found import Found, at_points, beside_or_more, embodied, never_slipping, numbers_in, without_bodies
+from .found import Found, beside_or_more, numbers_in, without_bodies
 from .hypotheses import names_of_one, twins_of
 from .hypothesis import GIVING, clamped
 from .instead import MOST_SWAPPED, condense, swapped
@@ -73,14 +73,7 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
         if tell:
             tell(", ".join(f"{item.effect} at {item.place}" for item in picked[:3]))
         trial = beside_or_more(before, picked)
-        fit = refined(problem, whiten, trial, parts)
-        fitted = [replace(item, row=fit.rows[item.key]) for item in trial]
-        unreal = without_bodies(problem, fitted) | never_slipping(problem, fitted)
-        for bodies in (embodied, at_points):
-            if unreal and (other := bodies(problem, fitted, unreal)) is not None:
-                fit = refined(problem, whiten, other, parts)
-                trial, fitted = other, [replace(item, row=fit.rows[item.key]) for item in other]
-                unreal = without_bodies(problem, fitted) | never_slipping(problem, fitted)
+        trial, fit, unreal = fitted_as_bodies(problem, whiten, trial, parts)
         if unreal:
             # what cannot exist is not there, and what never slips is a spring; the others try again
             state.unreal |= unreal
@@ -93,6 +86,11 @@ def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | 
         sigma = spread(fit.left, parts)
         if gained(state.left, fit.left, sigma, parts) >= THRESHOLD:
             prune(state, trial, fit, parts)
+            if without_bodies(problem, state.found):
+                # what was one beside what is needless
+                kept, fit, unreal = fitted_as_bodies(problem, whiten, state.found, parts)
+                if not unreal:
+                    prune(state, kept, fit, parts)
         if numbers_in(state.found) <= numbers_in(before):
             # what seemed best to its signature alone must not stand in the way of others
             failed.append({item.key for item in picked})

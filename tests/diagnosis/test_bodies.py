@@ -1,6 +1,7 @@
 """Loads and extra masses of arms: bodies that can be, by the likelier name."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,16 +10,19 @@ from mbexport.core.build import build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
+from mbexport.core.diagnosis import bodies
+from mbexport.core.diagnosis import search as search_module
 from mbexport.core.diagnosis.alike import Alike, alike
 from mbexport.core.diagnosis.contender import Contender
 from mbexport.core.diagnosis.fit import blocks
-from mbexport.core.diagnosis.found import Found, without_bodies
+from mbexport.core.diagnosis.found import Found, hung, without_bodies
 from mbexport.core.diagnosis.hypotheses import hypotheses, twins_of
+from mbexport.core.diagnosis.hypothesis import defaults
 from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.plain import Plain, at_a_point
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.refine import left_with, refined
 from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.search import _likeliest
 from mbexport.core.diagnosis.state import Search
@@ -53,6 +57,80 @@ def test_an_extra_mass_at_a_point_is_a_body():
     # Steiner, by hand
     assert about_origin["Ixx"] == pytest.approx(0.4 * (y * y + z * z))
     assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
+
+
+def added(mass, x, **more):
+    return EffectRow(1, dict.fromkeys(COLUMNS, 0.0) | {"mass": mass, "mx": mass * x} | more)
+
+
+def test_more_of_the_last_arm_that_is_no_body_hangs_there_as_a_load():
+    """With the same mass and first moments, beside what hangs there already and the arm's own surplus."""
+    asked = question()
+    arm = Found("link_inertia", 1, added(0.1, -0.2, Izz=5.0), 50.0)
+    other = Found("torque_offset", 1, EffectRow(1, {"torque": 0.1}), 50.0)
+    unreal = {arm.key}
+    kept, load = hung(asked, [other, arm], unreal)
+    assert kept is other
+    assert (load.key, load.gain, load.absent) == (("payload", 0), 50.0, EffectRow(0, defaults("payload")))
+    assert {name: load.row.values[name] for name in ("mass", "x", "y", "Izz")} == {
+        "mass": pytest.approx(0.1),
+        "x": pytest.approx(-0.2),
+        "y": 0.0,
+        "Izz": 0.0,
+    }
+    there = {"payload": (EffectRow(0, defaults("payload") | {"mass": 0.3, "x": 0.1, "Izz": 0.01}),)}
+    known = replace(asked, known=there | {"link_inertia": (added(0.04, 0.0),)})
+    (more,) = hung(known, [arm], unreal)
+    assert more.row.values["mass"] == pytest.approx(0.36)
+    assert more.row.values["x"] == pytest.approx((0.3 * 0.1 - 0.02) / 0.36)
+    assert more.row.values["Izz"] == 0.01
+    assert more.absent == there["payload"][0]
+    # what is a body stays, what weighs less than nothing hangs nowhere, and one load is enough
+    assert hung(asked, [arm], set()) is None
+    assert hung(asked, [replace(arm, row=added(-0.1, -0.2))], unreal) is None
+    assert hung(asked, [load, arm], unreal) is None
+    assert hung(asked, [other], {("link_inertia", 1)}) is None
+
+
+@pytest.mark.parametrize("mass", [0.1, -0.1])
+def test_a_load_is_fitted_that_is_no_body_as_more_of_its_arm(monkeypatch, mass):
+    """An arm that weighs less than it is said to is no load, and what cannot be is said to."""
+    monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + mass * 0.3**2)
+    swings = [pendulum_run(seed=seed, against=lambda t, q, dq: mass * 9.81 * 0.3 * math.sin(q)) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", swings)
+    never = {("link_inertia", 1)}
+    monkeypatch.setattr(bodies, "without_bodies", lambda _, found: never & {item.key for item in found})
+    arm = Found("link_inertia", 1, added(mass, -0.2), 50.0)
+    found, fit, unreal = bodies.fitted_as_bodies(asked, whitening(asked), [arm], blocks(asked.evidence))
+    assert [item.key for item in found] == [("payload", 0) if mass > 0.0 else arm.key]
+    assert unreal == (set() if mass > 0.0 else never)
+    assert [*fit.rows] == [item.key for item in found]
+    whole = left_with(asked, whitening(asked), {})
+    assert float(fit.left @ fit.left) < 0.1 * float(whole @ whole)
+
+
+@pytest.mark.parametrize("beside", [True, False])
+def test_the_search_finds_a_load_that_was_picked_as_no_body(monkeypatch, beside):
+    """Whether it is none from the beginning or only once what stood beside it has turned out needless."""
+    swings = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.2 * math.sin(q)) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", swings)
+    none = EffectRow(1, dict.fromkeys(COLUMNS, 0.0))
+    arm = Found("link_inertia", 1, added(0.05, -0.2), 50.0, none)
+    offset = Found("torque_offset", 1, EffectRow(1, {"torque": 1e-4}), 50.0, EffectRow(1, {"torque": 0.0}))
+    picks = iter([[arm, offset] if beside else [arm]])
+
+    def no_body(_, found):
+        keys = {item.key for item in found}
+        return {arm.key} & keys if len(keys) == 1 else set()
+
+    for module in (bodies, search_module):
+        monkeypatch.setattr(module, "without_bodies", no_body)
+    monkeypatch.setattr(search_module, "_picked", lambda *_: next(picks, []))
+    monkeypatch.setattr(search_module, "one_that_rings", lambda *_: [])
+    state = Search(asked, whitening(asked))
+    state.begin()
+    search_module._gather(state, blocks(asked.evidence), None)
+    assert [item.key for item in state.found] == [("payload", 0)]
 
 
 def test_what_hangs_at_the_last_arm_is_called_a_load():
