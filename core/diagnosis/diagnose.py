@@ -143,6 +143,8 @@ FEWEST_ROWS, SHORTEST = 50, 0.5
 SHOWN = 2
 # how often noise is worked out anew from what was found
 HEARD = 2
+# how often findings take the names that hold best
+MOST_RENAMED = 2
 
 
 def diagnose(
@@ -402,10 +404,13 @@ class _Diagnosing:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
         fit, names = self._names(state, held.found)
         names, better = told_apart(judge, held.found, names)
-        if better is not None and (again := judge.held(better)).open < held.open + ALIKE_SHARE:
+        # what looks like the better name may be better still, with numbers that were not asked of it before
+        for _ in range(MOST_RENAMED):
+            if better is None or (again := judge.held(better)).open >= held.open + ALIKE_SHARE:
+                break
             held = replace(again, no_law=held.no_law, rings=held.rings)
             fit, names = self._names(state, held.found)
-            names, _ = told_apart(judge, held.found, names)
+            names, better = told_apart(judge, held.found, names)
         return held, fit, names
 
     def _names(self, state: Search, found: Sequence[Found]) -> tuple[Refined | None, list[tuple[Alike, ...]]]:

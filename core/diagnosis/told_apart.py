@@ -6,11 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from ..kinematics import arms_in_base, tool_in_base
 from .alike import Alike
 from .beyond import SPRINGS as STIFFNESSES
 from .contender import THRESHOLD
 from .found import Found
 from .judge import Judge
+from .problem import Problem
 from .refine import BEARING, SHORTEST_PART
 from .tried import ALIKE, ALIKE_SHARE
 from .unseen import fall_short
@@ -44,7 +48,7 @@ def told_apart(
             if one.one_body or less.nats - short[0].nats < THRESHOLD or less.share - short[0].share < ALIKE_SHARE
         )
         nats = {id(one): less.nats for one, less in zip(options, short, strict=True)}
-        best[k] = _called_first(best[k], others, alike, nats)
+        best[k] = _called_first(judge.whole, best[k], others, alike, nats)
         kept.append(alike)
     if all(one is other for one, other in zip(best, found, strict=True)):
         return kept, None
@@ -52,10 +56,13 @@ def told_apart(
     return kept, tuple(replace(one, gain=max(one.gain, other.gain)) for one, other in zip(best, found, strict=True))
 
 
-def _called_first(best: Found, others: Sequence[Alike], alike: Sequence[Alike], nats: Mapping[int, float]) -> Found:
+def _called_first(
+    problem: Problem, best: Found, others: Sequence[Alike], alike: Sequence[Alike], nats: Mapping[int, float]
+) -> Found:
     """Of the name that holds best and those that say the same the likeliest.
 
     Args:
+        problem: The question.
         best: The name that holds best.
         others: Every other one.
         alike: Those that hold as well.
@@ -69,6 +76,8 @@ def _called_first(best: Found, others: Sequence[Alike], alike: Sequence[Alike], 
         # of two names of one body the load's: more hangs at a hand than is wrong with its arm
         loads = (one.found for one in others if one.one_body and one.found.effect == "payload")
         best = next((load for load in loads if as_good(load)), best)
+    if best.effect == "payload":
+        best = next((one.found for one in alike if not one.one_body and _of_arm(problem, best, one.found)), best)
     if best.effect == "kinematic_error":
         # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
         best = next((one.found for one in alike if one.found.effect == "encoder_offset"), best)
@@ -81,3 +90,25 @@ def _called_first(best: Found, others: Sequence[Alike], alike: Sequence[Alike], 
         # a bearing gives to all sides about as much, a drive to one
         best = next((one.found for one in alike if one.found.effect == "joint_compliance"), best)
     return best
+
+
+def _of_arm(problem: Problem, load: Found, other: Found) -> bool:
+    """Whether a load is more mass of an arm before the last one: nearer to where that has its own than to the tool.
+
+    What says the same as a mass of another arm is on the axes between them, where arms have theirs, and loads by chance
+    only or in front of a hand.
+
+    Args:
+        problem: The question.
+        load: A load.
+        other: What says the same.
+    """
+    if other.effect != "link_inertia":
+        return False
+    robot = problem.robots({})[0]
+    q = np.mean([run.q.mean(axis=0) for run in problem.evidence.runs], axis=0)
+    arms = arms_in_base(robot, q)
+    there = arms[-1] @ np.array([*(load.row.values[axis] for axis in "xyz"), 1.0])
+    own = arms[other.at - 1] @ np.array([*robot.stages[other.at - 1].arm.inertia.com, 1.0])
+    tool = tool_in_base(robot, q)[:, 3]
+    return bool(np.linalg.norm(there - own) < np.linalg.norm(there - tool))

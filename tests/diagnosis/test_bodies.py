@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from mbexport.core.diagnosis.refine import left_with, refined
 from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.search import _likeliest
 from mbexport.core.diagnosis.state import Search
-from mbexport.core.diagnosis.told_apart import told_apart
+from mbexport.core.diagnosis.told_apart import _called_first, told_apart
 from mbexport.core.diagnosis.unseen import splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics
@@ -208,6 +209,27 @@ def test_an_extra_mass_of_the_last_arm_is_called_a_load_where_it_can_be_one(monk
         twin = Alike(Found("payload", 0, EffectRow(0, hung), 50.0), 0.0, 0.0, one_body=True)
         _, better = told_apart(judge, [arm], [(twin,)])
         assert [item.effect for item in better or [arm]] == [name]
+
+
+@pytest.mark.parametrize(("z", "effect"), [(-0.07, "link_inertia"), (0.05, "payload")])
+def test_more_mass_on_the_last_axis_behind_the_hand_is_the_arm_before(z, effect):
+    """A point there does not turn with the last joint; the wrist has its mass there, a load is before the hand."""
+    robot = build(load("imece2013"), "rigid")
+    asked = SimpleNamespace(robots=lambda rows: [robot], evidence=SimpleNamespace(runs=[SimpleNamespace(q=np.eye(6))]))
+    there = Found("payload", 0, EffectRow(0, {"mass": 0.2, "x": 0.0, "y": 0.001, "z": z}), 50.0)
+    wrist, hand, spring = (
+        Alike(Found(name, at, EffectRow(at, {}), 50.0), 0.0, 0.0, one_body=one_body)
+        for name, at, one_body in (
+            ("link_inertia", 5, False),
+            ("link_inertia", 6, True),
+            ("joint_spring", 6, False),
+        )
+    )
+    nats = {id(one): 0.0 for one in (there, wrist.found, hand.found, spring.found)}
+    others = [hand, spring, wrist]
+    assert _called_first(asked, there, others, others, nats).effect == effect
+    # where the arm before says something else a load is a load
+    assert _called_first(asked, there, others, [hand, spring], nats) is there
 
 
 def test_a_rotor_may_be_an_arm_that_has_more_mass():

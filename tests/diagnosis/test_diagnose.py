@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -621,6 +622,31 @@ def test_a_likelier_name_may_leave_a_hundredth_of_the_gaps_energy_more(by, short
     diagnosing = SimpleNamespace(_names=lambda state, found: (None, [()]))
     kept, _, _ = diagnose._Diagnosing._named(diagnosing, None, judge, held["joint_compliance_6d"])
     assert [item.effect for item in kept.found] == [name]
+
+
+def test_a_better_name_may_give_way_to_what_looks_like_it(monkeypatch):
+    """A mass at a point of the wrist, to a load, to the wrist with all of its numbers; and no further."""
+    names = ("one", "two", "three", "four")
+    held = {
+        name: Held(
+            (Found(name, 1, EffectRow(1, {}), 50.0),),
+            SimpleNamespace(),
+            (),
+            set(),
+            HowFar({}, {}, {}, 0.8, (0.0, 1.0), {}),
+            (),
+            None,
+        )
+        for name in names
+    }
+    judge = SimpleNamespace(held=lambda found: held[found[0].effect])
+    following = dict(pairwise(names))
+    monkeypatch.setattr(
+        diagnose, "told_apart", lambda judge, found, _: (found[0].effect, held[following[found[0].effect]].found)
+    )
+    diagnosing = SimpleNamespace(_names=lambda state, found: (found[0].effect, [()]))
+    kept, fit, said = diagnose._Diagnosing._named(diagnosing, None, judge, held["one"])
+    assert [kept.found[0].effect, fit, said] == ["three"] * 3
 
 
 def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_the_fitted_runs(monkeypatch):
