@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import MbexportError
-from .fit import Linear, Part, edges_of, energy_of, gained, linear, spread
+from .fit import Linear, Part, edges_of, energy_of, gained, linear, spread, unexpected
 from .found import Found
 from .hypothesis import STEP, Hypothesis
 from .model import Rows, merged
@@ -27,6 +27,8 @@ LEAST_SHARE = 0.02
 DEARER = 0.1
 # part of one channel's that is no crumb either: the loudest channel must not drown what another is about
 MUCH = 0.3
+# part of what is left that is most of it
+MOST = 0.5
 # standard deviations of pure noise above it from which what is left is loud
 LOUD = 5.0
 # of a plain amount, what is none
@@ -126,12 +128,13 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             shows = float(np.linalg.norm(slope * hypothesis.scale))
             order.append((gain, hypothesis, fit, fit.left * sigma, shows))
         order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
-        if order[0][0] <= 0.0:
-            break
-        sigma = spread(order[0][3], parts)
-    whole = energy_of(left)
-    # of pure noise nothing is explained
-    energy = max(whole - len(left), 3.0 * math.sqrt(2.0 * len(left)))
+        rest = _hiding(left, [(len(one.scale), after) for _, one, _, after, _ in order], parts)
+        if rest is None or order[0][0] >= THRESHOLD:
+            if order[0][0] <= 0.0:
+                break
+            rest = order[0][3]
+        sigma = spread(rest, parts)
+    whole, energy = energy_of(left), _above(left)
     return [
         Contender(
             hypothesis,
@@ -145,6 +148,28 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
         )
         for gain, hypothesis, fit, rest, shows in order
     ]
+
+
+def _hiding(left: Vector, options: Sequence[tuple[int, Vector]], parts: Sequence[Part]) -> Vector | None:
+    """What is left by the hypothesis that takes most of what is left, where that itself makes it look like chance.
+
+    What is loud in a few coefficients is hidden by the spread that it makes there: it is judged by the evidence that
+    knows no spread beforehand, two nats off for each number.
+
+    Args:
+        left: What is left now.
+        options: Of each hypothesis how many numbers it has, and what it leaves.
+        parts: Bands of it.
+    """
+    before, sizes = unexpected(left, parts), [(2.0 * numbers, rest) for numbers, rest in options]
+    price, rest = min(sizes, key=lambda one: unexpected(one[1], parts) + one[0])
+    most = energy_of(left) - energy_of(rest) >= MOST * _above(left)
+    return rest if most and before - unexpected(rest, parts) - price >= THRESHOLD else None
+
+
+def _above(left: Vector) -> float:
+    """Energy of what is left above noise; of pure noise nothing is explained."""
+    return max(energy_of(left) - len(left), 3.0 * math.sqrt(2.0 * len(left)))
 
 
 def _most_gone(left: Vector, rest: Vector, parts: Sequence[Part]) -> float:

@@ -143,6 +143,21 @@ def spread(left: Vector, parts: Sequence[Part]) -> Vector:
     return out
 
 
+def unexpected(left: Vector, parts: Sequence[Part]) -> float:
+    """Minus the log likelihood of what is left, but for a constant, where it may be louder than noise in every band.
+
+    Args:
+        left: What is left, in units of noise, shape (N,).
+        parts: Bands of channels.
+    """
+    out = 0.0
+    for part in parts:
+        square, count = float(np.sum(left[part.first : part.last] ** 2)), part.last - part.first
+        level = max(1.0, (square + 2.0) / (count + 2.0))
+        out += 0.5 * (count * math.log(level) + square / level)
+    return out
+
+
 def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) -> float:
     """Log evidence of what is left after over what was left before, both in units of noise, shape (N,).
 

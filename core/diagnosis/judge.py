@@ -206,7 +206,10 @@ class Judge:
         return bounces(self.database, self.level, self.backend, judged_by)
 
     def _closed(self, held: Held, small: Sequence[Found]) -> Held:
-        """With the small cause that closes the gap in simulation, where one does: a loop may make much of it."""
+        """With the small cause that closes the gap in simulation, where one does: a loop may make much of it.
+
+        Or a plain part of it, where it is beyond chance along the motion and no other form of what was found.
+        """
         if not held.found or held.adequate or self.by_bands:
             return held
         for item in small:
@@ -216,7 +219,9 @@ class Judge:
                 continue
             other = self.with_one_more(held, found, unseen)
             # a little goes over any threshold
-            if other is not None and other.adequate and other.by > held.by + HELPS:
+            plain = unseen.gains[-1] >= NO_CHANCE and unseen.own[-1] >= MOST_LEFT
+            more = HELPS if other is not None and other.adequate else PLAINLY if plain else math.inf
+            if other is not None and other.by > held.by + more:
                 return other
         return held
 

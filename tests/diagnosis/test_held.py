@@ -9,10 +9,10 @@ import pytest
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis import judge as judging
-from mbexport.core.diagnosis.diagnosis import Rejected
+from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD
+from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Held
 from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
@@ -64,6 +64,35 @@ def test_what_closes_the_gap_in_simulation_is_no_crumb():
         "coulomb_friction",
     ]
     assert judge._closed(held, [spring]) is held
+
+
+@pytest.mark.parametrize(
+    ("by", "gain", "own", "stays"),
+    [(0.75, 60.0, 0.9, True), (0.6, 60.0, 0.9, False), (0.75, 40.0, 0.9, False), (0.75, 60.0, 0.3, False)],
+)
+def test_what_closes_a_plain_part_of_the_gap_in_simulation_is_no_crumb_beside_a_wave_of_another_form(
+    monkeypatch, by, gain, own, stays
+):
+    """Where that leaves much in any engine; but for chance, and for what another form of the wave would say."""
+    wave, body = (Found(effect, 1, EffectRow(1, {}), 50.0) for effect in ("transmission_error", "link_inertia"))
+
+    def far(share):
+        return HowFar({}, {}, {}, share, (share, share), {})
+
+    held = Held((wave,), SimpleNamespace(), (), set(), far(0.5), (), None)
+    unseen = SimpleNamespace(gains=(900.0, gain), own=(1.0, own))
+    monkeypatch.setattr(judging, "judged", lambda *_: unseen)
+    judge = SimpleNamespace(
+        whole=None,
+        whiten=None,
+        ways=(),
+        by_bands=False,
+        with_one_more=lambda held, found, unseen: replace(held, found=found, how_far=far(by)),
+    )
+    assert [item.effect for item in Judge._closed(judge, held, [body]).found] == [
+        "transmission_error",
+        *(["link_inertia"] if stays else []),
+    ]
 
 
 def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):

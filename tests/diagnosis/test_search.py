@@ -5,11 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from mbexport.core.database import load
-from mbexport.core.diagnosis import refine
-from mbexport.core.diagnosis.contender import Contender, _most_gone
-from mbexport.core.diagnosis.fit import Part, blocks, gained, linear
+from mbexport.core.diagnosis import contender, refine
+from mbexport.core.diagnosis.contender import Contender, _most_gone, ranked
+from mbexport.core.diagnosis.fit import Part, blocks, gained, linear, unexpected
 from mbexport.core.diagnosis.found import Found, rows_of
 from mbexport.core.diagnosis.hypotheses import hypotheses
 from mbexport.core.diagnosis.hypothesis import Hypothesis
@@ -177,3 +178,40 @@ def test_the_loudest_channel_does_not_drown_what_another_is_about():
     left, rest = np.repeat([30.0, 3.0], 100), np.repeat([30.0, np.sqrt(3.0)], 100)
     parts = [Part(0, 100, 0, 100), Part(100, 200, 100, 200)]
     assert _most_gone(left, rest, parts) == pytest.approx(6.0 / 8.0)
+
+
+@pytest.mark.parametrize(("there", "rest"), [(1.0, 0.0), (0.0, 0.0), (1.0, 8.0)])
+def test_what_is_loud_in_a_few_coefficients_does_not_hide_its_own_cause(monkeypatch, there, rest):
+    """A load is felt where a motion is slow: by its own spread there is nothing to be told apart from chance.
+
+    Nor is a cause made of noise, or of what leaves most of the rest as it is.
+    """
+    random = np.random.default_rng(4)
+    slow, channels = 5, range(0, 500, 100)
+    bands = [(Part(k, k + slow, k, k + 100), Part(k + slow, k + 100, k, k + 100)) for k in channels]
+    parts = [part for both in bands for part in both]
+    count = parts[-1].last
+    low = np.arange(count) % 100 < slow
+    slope = np.where(low[:, None], 1e-3 * random.normal(size=(count, 4)), 0.0)
+    left = np.where(low, 1.0, 1.0 + rest) * random.normal(size=count)
+    left += there * slope @ np.array([3e3, -2e3, 3e3, 2e3])
+    body = Hypothesis("link_inertia", 1, "mass", lambda beta: {}, np.full(4, 1e7), np.full(4, -np.inf))
+    other = Hypothesis("backlash", 1, "", lambda beta: {}, np.ones(1), np.full(1, -np.inf))
+    fits = [(body, left, slope), (other, left, 1e-3 * random.normal(size=(count, 1)))]
+    nothing = np.zeros((count, 0))
+    found = next(one for one in ranked(fits, left, parts, nothing) if one.hypothesis is body)
+    assert found.earns == (there > 0.0 and rest == 0.0)
+    if found.earns:
+        assert found.explains > 0.9
+        monkeypatch.setattr(contender, "_hiding", lambda *_: None)
+        assert not any(one.earns for one in ranked(fits, left, parts, nothing))
+
+
+def test_the_likelihood_of_what_may_be_louder_than_noise():
+    """Of a normal spread that is known by what is left: by integration of its density's logarithm, as scipy has it."""
+    random = np.random.default_rng(2)
+    left = np.concatenate([5.0 * random.normal(size=300), 0.5 * random.normal(size=50)])
+    parts = [Part(0, 300, 0, 350), Part(300, 350, 0, 350)]
+    spreads = [np.sqrt((np.sum(left[:300] ** 2) + 2.0) / 302.0), 1.0]
+    log = norm.logpdf(left[:300], scale=spreads[0]).sum() + norm.logpdf(left[300:], scale=spreads[1]).sum()
+    assert -unexpected(left, parts) == pytest.approx(log + 0.5 * 350 * np.log(2.0 * np.pi))
