@@ -128,12 +128,13 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             shows = float(np.linalg.norm(slope * hypothesis.scale))
             order.append((gain, hypothesis, fit, fit.left * sigma, shows))
         order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
-        rest = _hiding(left, [(len(one.scale), after) for _, one, _, after, _ in order], parts)
-        if rest is None or order[0][0] >= THRESHOLD:
-            if order[0][0] <= 0.0:
+        best = order[0][3]
+        if order[0][0] < THRESHOLD:
+            hidden = _hiding(left, [(len(one.scale), rest) for _, one, _, rest, _ in order], parts)
+            if hidden is None and order[0][0] <= 0.0:
                 break
-            rest = order[0][3]
-        sigma = spread(rest, parts)
+            best = best if hidden is None else hidden
+        sigma = spread(best, parts)
     whole, energy = energy_of(left), _above(left)
     return [
         Contender(

@@ -150,12 +150,11 @@ def unexpected(left: Vector, parts: Sequence[Part]) -> float:
         left: What is left, in units of noise, shape (N,).
         parts: Bands of channels.
     """
-    out = 0.0
-    for part in parts:
-        square, count = float(np.sum(left[part.first : part.last] ** 2)), part.last - part.first
-        level = max(1.0, (square + 2.0) / (count + 2.0))
-        out += 0.5 * (count * math.log(level) + square / level)
-    return out
+    edges = np.array([(part.first, part.last) for part in parts])
+    count = edges[:, 1] - edges[:, 0]
+    square = np.diff(np.concatenate([[0.0], np.cumsum(left**2)])[edges])[:, 0]
+    level = np.maximum(1.0, (square + 2.0) / (count + 2.0))
+    return 0.5 * float(np.sum(count * np.log(level) + square / level))
 
 
 def gained(before: Vector, after: Vector, sigma: Vector, parts: Sequence[Part]) -> float:
