@@ -111,6 +111,12 @@ class Judge:
         found, unseen, dropped = self._tame(findings)
         failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
+        small = _small(findings, dropped)
+        if small and _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far)) is not None:
+            # what is small along the motion may be most of what simulation speaks against the others by
+            begun = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, (), self.by_bands)
+            if (closed := self._closed(begun, small)) is not begun:
+                return closed
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
         while (idle := _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))) is not None:
@@ -132,10 +138,7 @@ class Judge:
             # nor may what simulation alone speaks against stand in the way of what it does not
             failed |= {(item.effect, item.at) for item in dropped if item.why == GONE}
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
-        # a load or a tilt is felt at more joints than the one whose law may have another form
-        small = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
-        small |= {(item.effect, item.at) for item in dropped if item.why == OTHER_LAW and item.at == "robot"}
-        return self._closed(held, [item for item in findings if (item.effect, item.place) in small])
+        return self._closed(held, _small(findings, dropped))
 
     def _tame(self, findings: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
         """What helps on runs that no fit saw and can be simulated there, its worth, and what was dropped."""
@@ -533,6 +536,16 @@ class Judge:
                 refusal = error
         assert refusal is not None
         raise refusal
+
+
+def _small(findings: Sequence[Found], dropped: Sequence[Rejected]) -> list[Found]:
+    """Findings that were dropped for being small, or what another form of a law may leave of one joint.
+
+    A load or a tilt is felt at more joints than the one whose law may have another form.
+    """
+    small = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
+    small |= {(item.effect, item.at) for item in dropped if item.why == OTHER_LAW and item.at == "robot"}
+    return [item for item in findings if (item.effect, item.place) in small]
 
 
 def _idle(

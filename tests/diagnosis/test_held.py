@@ -95,6 +95,47 @@ def test_what_closes_a_plain_part_of_the_gap_in_simulation_is_no_crumb_beside_a_
     ]
 
 
+@pytest.mark.parametrize("closes", [True, False])
+def test_what_is_small_along_the_motion_is_tried_before_simulation_speaks_against_the_rest(monkeypatch, closes):
+    """Friction sticks elsewhere where a load is missing: without the load simulation is no better by it."""
+    rubs, load = (
+        Found(effect, at, EffectRow(at, {}), 50.0) for effect, at in (("coulomb_friction", 1), ("payload", 0))
+    )
+    fars = {1: HowFar({}, {}, {}, 0.1, (-0.1, 0.2), {}), 2: HowFar({}, {}, {}, 1.0, (0.9, 1.0), {})}
+    unseen = SimpleNamespace(gains=(900.0,), rows=(), open=0.9, beyond=1.0)
+    crumb = (Rejected("payload", "robot", CRUMB),)
+
+    def tame(self, findings):
+        found = [item for item in findings if item is rubs]
+        return found, unseen, crumb if len(findings) > 1 else ()
+
+    both = SimpleNamespace(gains=(900.0, 60.0), own=(1.0, 1.0), rows=(), open=0.0, beyond=1.0)
+    asked = question()
+    monkeypatch.setattr(judging, "judged", lambda *_: both)
+    monkeypatch.setattr(judging, "_idle", lambda found, *_: None if len(found) == 2 and closes else rubs)
+    monkeypatch.setattr(Judge, "_tame", tame)
+    monkeypatch.setattr(Judge, "_how_far", lambda self, found, *_: (fars[len(found) or 1], (), None))
+    monkeypatch.setattr(Judge, "_kept_anyway", lambda *_: set())
+    monkeypatch.setattr(Judge, "numbers", lambda *_, **__: ())
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    monkeypatch.setattr(Judge, "by_bands", False)
+    if closes:
+        answer = judge.held([rubs, load])
+        assert answer.found == (rubs, load)
+        assert answer.dropped == ()
+        assert answer.by == 1.0
+        return
+    # then it goes, as it did
+    monkeypatch.setattr(judging, "_idle", lambda found, *_: rubs if rubs in found else None)
+    monkeypatch.setattr(
+        Judge, "_tame", lambda self, findings: tame(self, findings) if len(findings) > 1 else ([], unseen, ())
+    )
+    assert [(item.effect, item.why) for item in judge.held([rubs, load]).dropped] == [
+        ("payload", CRUMB),
+        ("coulomb_friction", GONE),
+    ]
+
+
 def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):
     """It is felt at more joints than that one; of a spring at the joint nobody could tell."""
     runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.1 * dq) for seed in (1, 2)]
