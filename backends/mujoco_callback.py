@@ -34,7 +34,7 @@ from ..core.simulation.compiled import as_it_stands
 
 # motor sides are moved by torque, by torque with friction under load, or by a motion
 WAYS = ("torque", "load", "motion")
-_TORQUE, _LOAD, _MOTION = range(3)
+_LOAD, _MOTION = (WAYS.index(way) for way in ("load", "motion"))
 
 _numba: Any = import_module("numba")
 _types: Any = _numba.types
@@ -240,17 +240,15 @@ def _compiled() -> Any:
 
 
 class Callback(NamedTuple):
-    """The compiled callback, and MuJoCo's own.
+    """The compiled callback.
 
     Attributes:
-        address: Of the callback's code.
+        address: Of its code.
         slot: MuJoCo's variable mjcb_control. Setting it through the Python binding costs as much as two steps' laws.
-        step: Address of mj_step.
     """
 
     address: int
     slot: ctypes.c_void_p
-    step: int
 
 
 @cache
@@ -260,14 +258,28 @@ def callback() -> Callback:
     Raises:
         RefusedError: MuJoCo is not installed as its Python package brings it.
     """
+    return Callback(int(_compiled().address), ctypes.c_void_p.in_dll(_library(), "mjcb_control"))
+
+
+@cache
+def step_address() -> int:
+    """Address of mj_step.
+
+    Raises:
+        RefusedError: MuJoCo is not installed as its Python package brings it.
+    """
+    step = ctypes.cast(_library().mj_step, ctypes.c_void_p).value
+    assert step is not None
+    return step
+
+
+@cache
+def _library() -> ctypes.CDLL:
     folder = Path(str(_mujoco.__file__)).parent
     files = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
     if not files:
         raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
-    library = ctypes.CDLL(str(files[0]))
-    step = ctypes.cast(library.mj_step, ctypes.c_void_p).value
-    assert step is not None
-    return Callback(int(_compiled().address), ctypes.c_void_p.in_dll(library, "mjcb_control"), step)
+    return ctypes.CDLL(str(files[0]))
 
 
 def take_seat(data: int, book: int, drives: Callback) -> int:

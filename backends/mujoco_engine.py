@@ -83,9 +83,9 @@ class MujocoEngine(DrivenEngine):
         self._clock = np.zeros(2)
         self._book = self._written_book(rows)
         self._called = self._mixed = False
-        self._callback = at.callback()
-        self._address: int = self._data._address  # pyright: ignore[reportPrivateUsage]
-        self._followed = self._all_followed()
+        self._callback: Any = None
+        self._address: int = self._data._address
+        self._followed: Followed | None = None
         self._step = 0.0
         self._statics = copy.copy(model)
         self._statics.dof_armature[:] = 0.0
@@ -143,7 +143,7 @@ class MujocoEngine(DrivenEngine):
             return None
         calls = self._book.entries[at.CALLS : at.CALLS + 1]
         return Followed(
-            *(self._callback.step, self._model._address, self._address),
+            *(at.step_address(), self._model._address, self._address),
             *(timestep, self._clock, calls, self._position, self._speed, self._motor, self._arm, self.command),
             *(np.zeros(self.n) for _ in range(5)),
         )
@@ -216,6 +216,7 @@ class MujocoEngine(DrivenEngine):
         if self._called:
             way = "motion" if motion is not None else "load" if self.drives.needs_load else "torque"
             self._book.entries[at.WAY] = at.WAYS.index(way)
+            self._callback = at.callback()
 
     def _put(self, state: MachineState) -> None:
         data = self._data
@@ -252,6 +253,7 @@ class MujocoEngine(DrivenEngine):
         Raises:
             RefusedError: The state is no longer finite.
         """
+        self._followed = self._followed or self._all_followed()
         if self._followed is None:
             return False
         seat = at.take_seat(self._address, self._book.address, self._callback) if self._called else None
