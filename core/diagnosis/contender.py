@@ -116,7 +116,7 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
     sigma = spread(left, parts)
     order: list[tuple[float, Hypothesis, Linear, Vector, float]] = []
     # what is left by the best so far tells what misfit is to be expected; a second round settles it
-    for _ in range(2):
+    for settled in (False, True):
         frame = np.linalg.qr(basis / sigma[:, None])[0] if basis.shape[1] else None
         null = _beside(left / sigma, frame) * sigma
         order = []
@@ -128,6 +128,8 @@ def ranked(fits: Sequence[Fitting], left: Vector, parts: Sequence[Part], basis: 
             shows = float(np.linalg.norm(slope * hypothesis.scale))
             order.append((gain, hypothesis, fit, fit.left * sigma, shows))
         order.sort(key=lambda entry: (-entry[0], entry[1].key, entry[1].form))
+        if settled:
+            break
         best = order[0][3]
         if order[0][0] < THRESHOLD:
             hidden = _hiding(left, [(len(one.scale), rest) for _, one, _, rest, _ in order], parts)
@@ -162,10 +164,10 @@ def _hiding(left: Vector, options: Sequence[tuple[int, Vector]], parts: Sequence
         options: Of each hypothesis how many numbers it has, and what it leaves.
         parts: Bands of it.
     """
-    before, sizes = unexpected(left, parts), [(2.0 * numbers, rest) for numbers, rest in options]
-    price, rest = min(sizes, key=lambda one: unexpected(one[1], parts) + one[0])
+    priced = [(unexpected(rest, parts) + 2.0 * numbers, rest) for numbers, rest in options]
+    least, rest = min(priced, key=lambda one: one[0])
     most = energy_of(left) - energy_of(rest) >= MOST * _above(left)
-    return rest if most and before - unexpected(rest, parts) - price >= THRESHOLD else None
+    return rest if most and unexpected(left, parts) - least >= THRESHOLD else None
 
 
 def _above(left: Vector) -> float:
