@@ -115,6 +115,24 @@ def test_along_the_motion_of_a_slow_record(rate):
     assert np.max(np.abs(q - grid.q)) < 1e-4
 
 
+def test_along_a_motion_whose_ends_are_short():
+    """As of an experiment that is compared up to near half of its rate."""
+    run = rattling_run(1e-4, ROTOR, duration=2.0, side=1.0, rate=100.0)
+    known = replace(run, signals={name: values for name, values in run.signals.items() if name != "q_link"})
+    narrow = {"backlash": (EffectRow(1, FrozenMap({"gap": 1e-4, "stiffness": math.inf, "damping": math.inf})),)}
+    robot, nominal = robot_of(UPRIGHT, "full", known, narrow), robot_of(UPRIGHT, "full", known)
+    grid = prepared(known)
+    few = replace(
+        grid,
+        edge=3,
+        measured={name: values[:40] for name, values in grid.measured.items()},
+        missing={name: values[:40] for name, values in grid.missing.items()},
+        **{name: getattr(grid, name)[:40] for name in ("t", "q", "dq", "ddq")},
+    )
+    q, _ = arms_along(robot, few, nominal)
+    assert np.max(np.abs(q - few.q)) < 1e-4
+
+
 def test_along_the_motion_a_load_is_not_asked():
     """What hangs at one side is there, whatever a torque sensor says that is off."""
     run = rattling_run(GAP, ROTOR, duration=1.0, side=1.0)
