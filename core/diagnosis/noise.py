@@ -108,7 +108,8 @@ def noise_floor(database: Database, level: str, run: Run) -> Noise:
         else:
             tolerance[name] = np.sqrt(np.mean(np.sum(np.square(spread), axis=0), axis=0))
             loose[name] = np.array([_participation(spread[:, :, i]) for i in range(size)])
-        heard[name] = 1.0 / (1.0 / free[name] + 2.0 * _known(run, name) ** 2)
+        # of a channel that has nothing nothing is judged
+        heard[name] = 1.0 / (1.0 / np.maximum(free[name], 1.0) + 2.0 * _known(run, name) ** 2)
     return Noise(sensor, tolerance, heard, loose)
 
 

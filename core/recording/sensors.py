@@ -136,8 +136,9 @@ def _stretches(known: _References, signal: str, columns: slice) -> Iterator[_Fau
         bad += [span for span in moving if span not in bad and _parts(reference, outside, *span)]
     for first, last in sorted(bad):
         saturated = float(values[first, 0]) in cut
-        # the first of equal values was measured; of cut ones none
-        rows = slice(first if saturated else first + 1, last + 1)
+        # the first of equal values was measured; of cut ones none, nor of a sensor that never says another
+        dead = last - first + 1 == int(there.sum())
+        rows = slice(first if saturated or dead else first + 1, last + 1)
         yield _Fault(signal, columns, rows, "saturated" if saturated else "stuck")
 
 

@@ -40,6 +40,16 @@ def test_sensors_alone_where_nothing_is_off():
     assert floor.sigma["tau"] == pytest.approx([NOISE["tau"]], rel=1e-3)
 
 
+def test_nothing_is_judged_of_a_channel_that_has_nothing():
+    run = pendulum_run("pd")
+    dead = replace(run, signals={**run.signals, "tau": np.full_like(run.signals["tau"], np.nan)})
+    with np.errstate(all="raise"):
+        floor = noise_floor(DATABASE, "rigid", dead)
+        freedom, chance = floor.freedom("q"), floor.chance("tau", np.zeros(1))
+    assert np.all(freedom > 100.0)
+    assert chance[0] == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_controller_that_sees_its_sensors_noise_makes_torque_of_it():
     run = pendulum_run("pd")
     scatter = 0.05 * np.random.default_rng(8).normal(size=run.signals["tau"].shape)

@@ -153,6 +153,9 @@ def test_a_sensor_that_says_one_thing_all_the_time(database, planar, channel):
     columns[channel][:] = 0.25
     run = judged(columns, database)
     assert (channel, "stuck") in faults(run)
+    signal, _, number = channel.rpartition("_")
+    # nothing of it was measured, not even the first sample
+    assert np.isnan(run.signals[signal][:, int(number) - 1]).all()
 
 
 def test_the_tool_stuck(database, planar):
