@@ -39,6 +39,8 @@ ROUNDS, ROUNDS_FROM_AFAR = 1, 4
 MOST_SIMULATIONS, MOST_FROM_AFAR, MOST_ALONG = 40, 25, 160
 # steps of an engine that are, a round: a bearing that hardly gives would take minutes
 MOST_STEPS = 1.0e6
+# and all that are tried to close a gap
+MOST_CLOSING_STEPS = 5.0e6
 # what the evidence along the motion knows holds a number this many of its standard deviations loosely, or from afar
 LOOSE, LOOSER = 10.0, 100.0
 # what springs' damping may be, as parts of what the smoothed motion says
@@ -233,7 +235,7 @@ def closing(
         backend: The engine.
 
     Raises:
-        RefusedError: The engine refuses the robot without an option.
+        RefusedError: The engine refuses the robot without an option, or would take far too long for all of them.
     """
     rows = tables(fit.rows)
     loose = _Loose.of([_tolerances(problem.database, level, run, rows) for run in runs])
@@ -252,7 +254,10 @@ def closing(
     def steps(effects: Rows) -> float:
         return sum(steps_of(robot_of(problem.database, level, run, effects), run, backend) for run in runs)
 
-    most = STIFFER * steps(rows)
+    each = steps(rows)
+    if (1 + len(start) + len(options)) * each > MOST_CLOSING_STEPS:
+        raise RefusedError(f"what closes the gap would take {each:.1g} steps to try, each: nobody awaits it.")
+    most = STIFFER * each
     now = [simulated_left(problem.database, level, run, rows, backend, resimulated) for run in runs]
     own = [_slopes(partial(left_of, run), one, start, step, limits) for run, one in zip(runs, now, strict=True)]
     energies: list[float] = []

@@ -173,6 +173,16 @@ def test_an_option_that_no_robot_can_have_closes_nothing():
     assert energies == [math.inf]
 
 
+def test_what_would_close_the_gap_of_a_robot_whose_runs_take_minutes_is_not_asked():
+    """An arm that bends behind a damper many times too hard for it: each of two dozen runs would have taken 30 s."""
+    runs = [pendulum_run(seed=1, duration=1.0)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    hard = Found("joint_compliance", 1, EffectRow(1, {"stiffness": 1e10, "damping": 1.0}), 50.0)
+    fit = replace(refined(asked, whitening(asked), [], blocks(asked.evidence)), rows={hard.key: hard.row})
+    with pytest.raises(RefusedError, match="to try, each"):
+        closing(asked, "rigid", runs, fit, [{"delay": (EffectRow(0, {"time": 0.0015}),)}] * 20, "mjcf")
+
+
 def test_how_wide_a_play_is_is_told_by_simulation_too():
     """An interval knows of two ways to it which are apart."""
     hard = {"stiffness": 400.0, "damping": 2.0}
