@@ -352,8 +352,7 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         sigma_last = sigma
         sigma = spread(np.asarray(solution.fun)[: len(sigma)] * sigma, parts)
     left = residual.at(x)
-    residual.settle(x)
-    jacobian = slopes(x, sigma_last)
+    jacobian = np.asarray(solution.jac)
     # what no run shows is known within a few times its size, for what would otherwise be anything
     inverse = covariance_of(jacobian.T @ jacobian + np.diag((TIMES * np.maximum(np.abs(x), 1.0)) ** -2.0))
     told = jacobian[: len(left)]

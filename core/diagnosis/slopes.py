@@ -17,8 +17,6 @@ PART = 1.0e-3
 SMALL = 1.0e-2
 # slopes hold that miss this part of a change, or any part of one that is this small beside what is left
 MISSED, NEXT_TO_NOTHING = 0.02, 1.0e-3
-# and are bent to what the change was where they miss no more of it than this
-NEARLY = 0.3
 
 
 def differences(of: Callable[[Vector], Vector], x: Vector, high: Vector, now: Vector | None = None) -> Vector:
@@ -43,17 +41,13 @@ def differences(of: Callable[[Vector], Vector], x: Vector, high: Vector, now: Ve
 
 
 class Sloped:
-    """A function of numbers and its slopes along a search; most laws are linear in most of their numbers.
-
-    Slopes that nearly say where what is left goes are turned by what they missed along the step (Broyden 1965).
-    """
+    """A function of numbers and its slopes along a search; most laws are linear in most of their numbers."""
 
     def __init__(self, of: Callable[[Vector], Vector], high: Vector) -> None:
         """Of numbers (k,) that go up to high, values (m,)."""
         self._of, self._high = of, high
         self._last: tuple[Vector, Vector] | None = None
         self._known: tuple[Vector, Vector, Vector] | None = None
-        self._bent = 0
 
     def at(self, x: Vector) -> Vector:
         """Values at numbers x (k,), shape (m,)."""
@@ -66,25 +60,11 @@ class Sloped:
         now = self.at(x)
         if self._known is not None:
             before, then, slopes = self._known
-            step = x - before
-            error = now - then - slopes @ step
-            missed, change = (float(np.linalg.norm(one)) for one in (error, slopes @ step))
+            expected = slopes @ (x - before)
+            missed, change = (float(np.linalg.norm(one)) for one in (now - then - expected, expected))
             if missed <= max(MISSED * change, NEXT_TO_NOTHING * float(np.linalg.norm(now))):
                 return slopes
-            if missed <= NEARLY * change and self._bent < len(x):
-                self._bent += 1
-                slopes = slopes + np.outer(error, step / (step @ step))
-                self._known = x.copy(), now, slopes
-                return slopes
-        return self._anew(x, now)
-
-    def settle(self, x: Vector) -> None:
-        """Take them anew there, where they were turned since they were taken."""
-        if self._bent:
-            self._anew(x, self.at(x))
-
-    def _anew(self, x: Vector, now: Vector) -> Vector:
         # where it is, its values are known
         slopes = differences(self._of, x, self._high, now)
-        self._known, self._bent = (x.copy(), now, slopes), 0
+        self._known = x.copy(), now, slopes
         return slopes
