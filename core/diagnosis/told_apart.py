@@ -15,7 +15,7 @@ from .contender import THRESHOLD
 from .found import Found
 from .judge import Judge
 from .problem import Problem
-from .refine import BEARING, SHORTEST_PART
+from .refine import BEARING, PLAY, SHORTEST_PART
 from .tried import ALIKE, ALIKE_SHARE
 from .unseen import fall_short
 
@@ -81,6 +81,10 @@ def _called_first(
     if best.effect == "kinematic_error":
         # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
         best = next((one.found for one in alike if one.found.effect == "encoder_offset"), best)
+    if best.effect == PLAY:
+        # an arm that its load never takes across is off by half of the play, and there may as well be none
+        offsets = (one.found for one in alike if one.found.key == ("encoder_offset", best.at))
+        best = next((offset for offset in offsets if as_good(offset)), best)
     if best.effect == "link_flexibility":
         # what bends where its joint is, or may as well, is a bearing that gives
         bearings = (one for one in alike if one.found.key == (BEARING, best.at))

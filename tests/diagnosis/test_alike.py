@@ -86,6 +86,22 @@ def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch,
     assert [(item.effect, item.gain) for item in better or [arm]] == [(name, 50.0)]
 
 
+@pytest.mark.parametrize(
+    ("at", "nats", "name"), [(1, 3.0, "encoder_offset"), (1, 1.2 * ALIKE, "backlash"), (2, 3.0, "backlash")]
+)
+def test_play_that_no_load_ever_crosses_is_an_angle_that_is_off(monkeypatch, at, nats, name):
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
+    monkeypatch.setattr(
+        "mbexport.core.diagnosis.told_apart.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05))
+    )
+    wide = {"gap": 0.02, "stiffness": math.inf, "damping": math.inf}
+    play = Found("backlash", 1, EffectRow(1, wide), 50.0)
+    encoder = Found("encoder_offset", at, EffectRow(at, {"offset": 0.01}), 0.0)
+    _, better = told_apart(judge, [play], [(Alike(encoder, 0.0, 0.0),)])
+    assert [item.effect for item in better or [play]] == [name]
+
+
 def test_a_robot_that_cannot_be_mimics_nothing():
     """Its friction could not be given a stiffness to stick with."""
     asked = question()
