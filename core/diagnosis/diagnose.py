@@ -138,7 +138,7 @@ ELSEWHERE = 0.06
 # of a number one standard deviation at least, as part of it: what another integrator's step and hold move it by
 FINEST = 1.0e-3
 # of a run that can be compared
-FEWEST_ROWS, SHORTEST = 50, 0.5
+FEWEST_ROWS, SHORTEST_RUN = 50, 0.5
 # names of a finding that are tried as the truth in simulation
 SHOWN = 2
 # how often noise is worked out anew from what was found
@@ -184,10 +184,10 @@ def diagnose(
 
 
 def _long_enough(run: Run) -> None:
-    if len(run.t) < FEWEST_ROWS or run.duration < SHORTEST:
+    if len(run.t) < FEWEST_ROWS or run.duration < SHORTEST_RUN:
         raise RunFileError(
             f"run {run.name}: {len(run.t)} rows over {run.duration:.3g} s are too few to tell a gap; "
-            f"there must be at least {FEWEST_ROWS} rows and {SHORTEST:g} s."
+            f"there must be at least {FEWEST_ROWS} rows and {SHORTEST_RUN:g} s."
         )
 
 

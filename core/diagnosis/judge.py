@@ -112,27 +112,31 @@ class Judge:
         failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
         small = _small(findings, dropped)
-        if small and _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far)) is not None:
+        idle = self._idle(found, unseen, how_far)
+        if small and idle is not None:
             # what is small along the motion may be most of what simulation speaks against the others by
             begun = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, (), self.by_bands)
             if (closed := self._closed(begun, small)) is not begun:
                 return closed
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
-        while (idle := _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))) is not None:
+        while idle is not None:
+            better = False
             if tries and not numbers and (numbers := self.numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
                 other = replace(unseen, rows=rows_of_splits(found, numbers))
                 with suppress(RefusedError):
                     closer = self._how_far(found, other)
-                    if (closer[0].shrinks_by or 0.0) > (how_far.shrinks_by or 0.0):
+                    better = (closer[0].shrinks_by or 0.0) > (how_far.shrinks_by or 0.0)
+                    if better:
                         unseen, (how_far, overlays, after) = other, closer
-                        continue
-            dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
-            found, unseen, more = self._tame([item for item in found if item is not idle])
-            dropped, numbers = (*dropped, *more), ()
-            how_far, overlays, after = self._how_far(found, unseen)
+            if not better:
+                dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
+                found, unseen, more = self._tame([item for item in found if item is not idle])
+                dropped, numbers = (*dropped, *more), ()
+                how_far, overlays, after = self._how_far(found, unseen)
+            idle = self._idle(found, unseen, how_far)
         numbers = numbers if found and unseen.rows == rows_of_splits(found, numbers) else ()
         if not found:
             # nor may what simulation alone speaks against stand in the way of what it does not
@@ -173,6 +177,10 @@ class Judge:
     def _needed(self, found: Sequence[Found]) -> set[tuple[str, int]]:
         """Keys of what gives before clamped outputs, without which nothing could move there."""
         return {item.key for item in found if gives_alone(self.whole, found, item)}
+
+    def _idle(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> Found | None:
+        """The finding that does not help simulation, of those that simulation judges."""
+        return _least_helpful(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))
 
     def _kept_anyway(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.
@@ -236,7 +244,7 @@ class Judge:
             how_far, overlays, after = self._how_far(found, unseen)
         except RefusedError:
             return None
-        if _idle(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far)) is not None:
+        if self._idle(found, unseen, how_far) is not None:
             return None
         last = found[-1]
         dropped = tuple(item for item in held.dropped if (item.effect, item.at) != (last.effect, last.place))
@@ -548,7 +556,7 @@ def _small(findings: Sequence[Found], dropped: Sequence[Rejected]) -> list[Found
     return [item for item in findings if (item.effect, item.place) in small]
 
 
-def _idle(
+def _least_helpful(
     found: Sequence[Found], gains: Sequence[float], how_far: HowFar, needed: Collection[tuple[str, int]] = ()
 ) -> Found | None:
     """The finding that helps the simulation least on runs that no fit saw, where it, or all together, do not help.

@@ -34,7 +34,7 @@ AS_TOLD = 2.0
 CREEP = 0.01
 ORDER = 4
 # rows at least that the filter can be run along both ways: all but one of them stand for what was before
-SHORTEST = 3 * (ORDER + 1) + 1
+FEWEST_FILTERED = 3 * (ORDER + 1) + 1
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
 # positions do
 EDGE = 3.0
@@ -110,7 +110,10 @@ class Prepared:
 
 
 def filtered(run: Prepared, values: Vector) -> Vector:
-    """Values on a run's grid (m, n), of SHORTEST rows or more, behind the filter that what was measured is behind."""
+    """Values on a run's grid (m, n) behind the filter that what was measured is behind.
+
+    There must be FEWEST_FILTERED rows or more.
+    """
     signal: Any = import_module("scipy.signal")
 
     return np.asarray(signal.sosfiltfilt(_smoothing(run.band, 1.0 / run.h), values, axis=0))

@@ -15,7 +15,7 @@ from ..kinematics import Dynamics
 from ..representation import Robot, Stage
 from ..simulation import MachineState
 from ..simulation.settle import terms_at_rest, weight_of
-from .prepare import SHORTEST, Prepared, filtered
+from .prepare import FEWEST_FILTERED, Prepared, filtered
 
 Vector = NDArray[np.float64]
 
@@ -121,7 +121,7 @@ class Witness:
         gaps = np.array([clearance_of(stage) for stage in robot.stages])
         rows = rows_until_taken_along(np.where(free, gaps, 0.0), theta, run.t)
         # the filter needs both of its ends
-        rows = max(min(rows, int(FIRST_PART * len(theta))), 2 * run.edge, SHORTEST)
+        rows = max(min(rows, int(FIRST_PART * len(theta))), 2 * run.edge, FEWEST_FILTERED)
 
         def missed(tried: Vector, i: int) -> float:
             q, dq, ddq = across(tried, rows)

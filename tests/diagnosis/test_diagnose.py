@@ -21,7 +21,7 @@ from mbexport.core.diagnosis.gap import Gap
 from mbexport.core.diagnosis.growing import without_growing
 from mbexport.core.diagnosis.held import NOT_EXCITED, Held
 from mbexport.core.diagnosis.in_simulation import _closing, closed_in_simulation
-from mbexport.core.diagnosis.judge import Judge, _idle
+from mbexport.core.diagnosis.judge import Judge, _least_helpful
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.other_form import contradicted
 from mbexport.core.diagnosis.problem import problem
@@ -321,33 +321,33 @@ def test_what_does_not_help_unseen_runs_is_dropped():
     one, other = Found("coulomb_friction", 1, row, 50.0), Found("torque_offset", 1, row, 50.0)
     names = ("coulomb_friction joint_1", "torque_offset joint_1")
     helped = dict(zip(names, (0.3, 0.6), strict=True))
-    assert _idle([one, other], (20.0, 20.0), far(0.9, helped, (0.8, 0.95))) is None
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.9, helped, (0.8, 0.95))) is None
     harmful = dict(zip(names, (0.3, 0.95), strict=True))
-    assert _idle([one, other], (20.0, 20.0), far(0.9, harmful, (0.8, 0.95))) is other
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.9, harmful, (0.8, 0.95))) is other
     # a little more is not enough where the evidence is thin
     idle = dict(zip(names, (0.3, 0.899), strict=True))
-    assert _idle([one, other], (20.0, 5.0), far(0.9, idle, (0.8, 0.95))) is other
-    assert _idle([one, other], (20.0, 20.0), far(0.9, idle, (0.8, 0.95))) is None
+    assert _least_helpful([one, other], (20.0, 5.0), far(0.9, idle, (0.8, 0.95))) is other
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.9, idle, (0.8, 0.95))) is None
     # nor is a gain that may be none
-    assert _idle([one, other], (20.0, 20.0), far(0.1, helped, (-0.1, 0.3))) is not None
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.1, helped, (-0.1, 0.3))) is not None
     # where evidence is beyond doubt it may be little known how far it helps
     plain = dict(zip(names, (0.1, 0.2), strict=True))
-    assert _idle([one, other], (20.0, 20.0), far(0.4, plain, (-0.1, 0.7))) is None
-    assert _idle([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.4, plain, (-0.1, 0.7))) is None
+    assert _least_helpful([one, other], (20.0, 5.0), far(0.4, plain, (-0.1, 0.7))) is not None
     # and where one moment decides how far, but nothing gets worse
     once = dict(zip(names, (0.02, 0.08), strict=True))
-    assert _idle([one, other], (20.0, 20.0), far(0.1, once, (-0.001, 0.2))) is None
-    assert _idle([one, other], (20.0, 5.0), far(0.1, once, (-0.001, 0.2))) is not None
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.1, once, (-0.001, 0.2))) is None
+    assert _least_helpful([one, other], (20.0, 5.0), far(0.1, once, (-0.001, 0.2))) is not None
     crumb = dict(zip(names, (0.02, 0.03), strict=True))
-    assert _idle([one, other], (20.0, 20.0), far(0.04, crumb, (-0.001, 0.2))) is not None
+    assert _least_helpful([one, other], (20.0, 20.0), far(0.04, crumb, (-0.001, 0.2))) is not None
 
 
 @pytest.mark.parametrize("effect", ["delay", "joint_compliance", "joint_compliance_6d", "link_flexibility"])
 def test_delays_and_springs_go_where_simulation_has_no_gap_for_them_to_close(effect):
     late = Found(effect, 0 if effect == "delay" else 1, EffectRow(1, {}), 50.0)
     rubs = Found("coulomb_friction", 1, EffectRow(1, {"torque": 1.0}), 50.0)
-    assert _idle([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
-    assert _idle([rubs], (20.0,), far(None, {}, None)) is None
+    assert _least_helpful([rubs, late], (20.0, math.inf), far(None, {}, None)) is late
+    assert _least_helpful([rubs], (20.0,), far(None, {}, None)) is None
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ def test_what_gives_stays_where_only_simulation_hides_the_gap_that_it_closes(
     unseen = Unseen((gain,), (9.0,), (1.0,), (1.0,), ((gives.row,),), open=left, numbers_beyond=(0.0,))
     told = far(total, {f"{effect} {gives.place}": 0.0}, None if total is None else (-0.1, 0.1))
     kept = judge._kept_anyway([gives], unseen, told)
-    assert (_idle([gives], unseen.gains, told, kept) is None) == stays
+    assert (_least_helpful([gives], unseen.gains, told, kept) is None) == stays
 
 
 @pytest.mark.parametrize(("beyond", "gain", "stays"), [(0.01, 500.0, True), (0.01, 20.0, False), (1.0, 500.0, False)])
@@ -391,9 +391,9 @@ def test_a_delay_that_does_not_help_goes_whatever_its_evidence():
     late, rubs = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("delay", "coulomb_friction"))
     names = (f"delay {late.place}", f"coulomb_friction {rubs.place}")
     idle = dict(zip(names, (0.9, 0.1), strict=True))
-    assert _idle([late, rubs], (500.0, 20.0), far(0.9, idle, (0.8, 0.95))) is late
+    assert _least_helpful([late, rubs], (500.0, 20.0), far(0.9, idle, (0.8, 0.95))) is late
     helps = dict(zip(names, (0.5, 0.1), strict=True))
-    assert _idle([late, rubs], (0.0, 20.0), far(0.9, helps, (0.8, 0.95))) is None
+    assert _least_helpful([late, rubs], (0.0, 20.0), far(0.9, helps, (0.8, 0.95))) is None
 
 
 @pytest.mark.parametrize(("gain", "why", "said"), [(500.0, NOT_EXCITED, 1), (20.0, NOT_EXCITED, 0), (500.0, "", 0)])

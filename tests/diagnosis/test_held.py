@@ -43,7 +43,9 @@ def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
     monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)
     monkeypatch.setattr(Judge, "numbers", lambda *_, **__: ())
     monkeypatch.setattr(Judge, "_how_far", how_far)
-    monkeypatch.setattr("mbexport.core.diagnosis.judge._idle", lambda found, *_: rubs if rubs in found else None)
+    monkeypatch.setattr(
+        "mbexport.core.diagnosis.judge._least_helpful", lambda found, *_: rubs if rubs in found else None
+    )
     answer = judge.held([late, rubs])
     assert answer.found == ()
     assert [(item.effect, item.why) for item in answer.dropped] == [("viscous_friction", GONE), ("delay", WILD)]
@@ -112,7 +114,7 @@ def test_what_is_small_along_the_motion_is_tried_before_simulation_speaks_agains
     both = SimpleNamespace(gains=(900.0, 60.0), own=(1.0, 1.0), rows=(), open=0.0, beyond=1.0)
     asked = question()
     monkeypatch.setattr(judging, "judged", lambda *_: both)
-    monkeypatch.setattr(judging, "_idle", lambda found, *_: None if len(found) == 2 and closes else rubs)
+    monkeypatch.setattr(judging, "_least_helpful", lambda found, *_: None if len(found) == 2 and closes else rubs)
     monkeypatch.setattr(Judge, "_tame", tame)
     monkeypatch.setattr(Judge, "_how_far", lambda self, found, *_: (fars[len(found) or 1], (), None))
     monkeypatch.setattr(Judge, "_kept_anyway", lambda *_: set())
@@ -126,7 +128,7 @@ def test_what_is_small_along_the_motion_is_tried_before_simulation_speaks_agains
         assert answer.by == 1.0
         return
     # then it goes, as it did
-    monkeypatch.setattr(judging, "_idle", lambda found, *_: rubs if rubs in found else None)
+    monkeypatch.setattr(judging, "_least_helpful", lambda found, *_: rubs if rubs in found else None)
     monkeypatch.setattr(
         Judge, "_tame", lambda self, findings: tame(self, findings) if len(findings) > 1 else ([], unseen, ())
     )
