@@ -116,9 +116,6 @@ def _chosen_effects(database: Database, level: str, effects: Iterable[str] | Non
                     else f"{database.name} has no table for effect {name!r}; it has: {', '.join(tables) or 'none'}."
                 )
         return tuple(wanted), "custom"
-    known = sorted({"full", "rigid", *database.levels})
-    if level not in known:
-        raise UsageError(f"{database.name} has no level {level!r}; it has: {', '.join(known)}.")
     return database.level_effects(level), level
 
 

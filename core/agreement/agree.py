@@ -65,7 +65,7 @@ def agree(
         backends: "all" (every one that can run; others are named), or names, or backends.
         level: Of the robot.
         effects: Names of effects instead of a level.
-        with_effects: Folder of effects' tables whose rows replace the database's.
+        with_effects: Folder of effects' tables that count at any level, and whose rows replace the database's.
         quantities: Names of static quantities and of runs (quantities.STATICS, scenarios.SCENARIOS), and "convergence",
             the errors against the step; None: all.
         duration: Of every run [s].
@@ -98,9 +98,10 @@ def agree(
             database = source
         else:
             path, database = find_source(source), load(source)
-        if with_effects is not None:
-            database = replaced(database, load_effects(with_effects, database))
         names = None if effects is None else tuple(effects)
+        level = level if names is None else "full"
+        if with_effects is not None:
+            database = replaced(database, load_effects(with_effects, database, level), level)
         robot = build(database, level, names)
         used = robot.effects if names is not None else None
 

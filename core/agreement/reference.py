@@ -456,7 +456,7 @@ def read(
         path: Folder of tables or single YAML file.
         effects: Names of the effects that count; None: those of the level.
         level: "full", "rigid" or one that robot.yaml names.
-        replaced: Folder of effects' tables whose rows replace the database's.
+        replaced: Folder of effects' tables that count too, and whose rows replace those of the level's tables.
 
     Raises:
         UnreadError: Something in it is beyond this file.
@@ -464,9 +464,8 @@ def read(
     source = _Source(Path(path))
     head = source.head
     other = _Source(Path(replaced), bare=True) if replaced is not None else None
-    wanted = source.level(level) if effects is None else set(effects)
-    if effects is None and level == "full" and other:
-        wanted |= other.level("full")
+    own = source.level(level)
+    wanted = own | (other.level("full") if other else set[str]()) if effects is None else set(effects)
     beyond = sorted(wanted - READ - NOT_ASKED - OF_THE_DRIVES)
     if beyond:
         raise UnreadError(f"the fifth voice does not know the effect {beyond[0]}")
@@ -475,7 +474,8 @@ def read(
     words = {int(float(row["joint"])): str(row.get("type", "revolute")) for row in joints}
     kinds = tuple("prismatic" if words.get(i + 1) == "prismatic" else "revolute" for i in range(n))
     source.kinds = kinds
-    used = {name: source.rows(f"effects/{name}") for name in sorted(wanted)}
+    # of a table that the level does not use, only what replaces it counts
+    used = {name: source.rows(f"effects/{name}") if name in own else [] for name in sorted(wanted)}
     if other:
         other.kinds = kinds
         for name in sorted(wanted):

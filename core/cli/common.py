@@ -22,7 +22,9 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 force_option = click.option("--force", is_flag=True, help="Write over files that are there.")
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON for machines.")
 with_effects_option = click.option(
-    "--with-effects", type=click.Path(path_type=Path), help="Folder of effect tables whose rows replace the database's."
+    "--with-effects",
+    type=click.Path(path_type=Path),
+    help="Folder of effect tables: they count at any level, and their rows replace the database's.",
 )
 control_option = click.option(
     "--control", type=click.Path(path_type=Path), help="A log.yaml or its control part (default: mode motion)."
@@ -86,13 +88,15 @@ def effects_of(level: str | None, with_: str | None) -> list[str] | None:
     return None if with_ is None else names_of(with_)
 
 
-def load_database(source: str, with_effects: Path | None) -> Database:
-    """A database, with the rows of --with-effects in it."""
+def load_database(source: str, with_effects: Path | None, level: str | None = None) -> Database:
+    """A database, with the rows of --with-effects in it and in what --level uses."""
     from ..database import load, load_effects
     from ..database import with_effects as replaced
 
-    database = load(source)
-    return database if with_effects is None else replaced(database, load_effects(with_effects, database))
+    database, level = load(source), level or "full"
+    if with_effects is None:
+        return database
+    return replaced(database, load_effects(with_effects, database, level), level)
 
 
 def build_robot(database: Database, level: str | None, with_: str | None) -> Robot:

@@ -109,7 +109,7 @@ def command(
     from ..simulation import backend_named
 
     insist_on_room(output, FILES, force=force)
-    database = load_database(robot, with_effects)
+    database = load_database(robot, with_effects, level)
     built = build_robot(database, level, with_)
     law = motion_named(built, motion, database=database)
     if signals and not unit:

@@ -102,7 +102,7 @@ def command(
 
     check_place(output, force=force)
     found = diagnose(
-        load_database(robot, with_effects),
+        load_database(robot, with_effects, level),
         runs,
         holdout,
         level=level,

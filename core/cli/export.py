@@ -56,7 +56,7 @@ def command(
     if unknown:
         raise UsageError(f"--to {unknown[0]}: no such backend; installed: {', '.join(known)}, or all.")
     wanted = known if "all" in formats else formats
-    database = load_database(robot, with_effects)
+    database = load_database(robot, with_effects, level)
     built = build_robot(database, level, with_)
     law = rules = None
     if motion is not None:

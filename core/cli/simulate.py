@@ -84,7 +84,7 @@ def command(
     from ..motion import motion_named
     from ..simulation import simulate
 
-    database = load_database(robot, with_effects)
+    database = load_database(robot, with_effects, level)
     built = build_robot(database, level, with_)
     known = _as_it_stands(robot, level, with_) if with_effects else built
     law = motion_named(built, motion, database=database)

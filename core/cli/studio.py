@@ -54,7 +54,7 @@ def command(
     server_module()
     if not backend_named(backend).runs:
         raise UsageError(f"--backend {backend}: it is emitted only; name one that runs here (mbexport list backends).")
-    database = load_database(robot, with_effects)
+    database = load_database(robot, with_effects, level)
     bench = Bench(database, effects=build_robot(database, level, with_).effects)
     folder = output or Path(f"{database.name}-studio")
     page = Page(bench, output=folder, host=host, port=port, backend=backend, motion=motion)

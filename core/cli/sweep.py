@@ -93,7 +93,7 @@ def command(
 
     effects = effects_of(level, with_)
     arrow_modules()
-    database = load_database(robot, with_effects)
+    database = load_database(robot, with_effects, level)
     study = plan_study(
         database,
         vary,

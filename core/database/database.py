@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Literal
 
 from ..effects import EffectRow
+from ..errors import UsageError
 from ..representation import FrictionModel, Inertia, Joint, Pose, Shape, Vector3, VeitscheggerWu
 from .frozen import FrozenMap
 
@@ -111,7 +112,8 @@ class Database:
         effects: Name of an effect to its rows, in the order of their places; names sorted.
         motions: Name to motion table; names sorted.
         visuals: Shapes, a tuple an arm; () where nothing was given for any arm.
-        levels: Name to the effects that it uses, sorted; without `full` and `rigid`, which are always there.
+        levels: Name to the effects that it uses, sorted; without `full`, which is always there, and without `rigid`,
+            unless `with_effects` gave it some.
         dummy_inertia: Fraction of the diagonal mass-matrix entry that the motor side of an elastic joint without
             rotor inertia gets.
         friction: How sign() of friction is realised.
@@ -160,16 +162,17 @@ class Database:
         return tuple(tuple(visual.shape() for visual in arm) for arm in self.visuals)
 
     def level_effects(self, level: str) -> tuple[str, ...]:
-        """Names of the effects that a level uses, sorted. `full`: every table, `rigid`: none.
+        """Names of the effects that a level uses, sorted. `full`: every table, `rigid`: none of the database's own.
 
         Raises:
-            KeyError: No such level.
+            UsageError: No such level.
         """
         if level == "full":
             return tuple(sorted(self.effects))
-        if level == "rigid":
-            return ()
-        return self.levels[level]
+        known = {"rigid": (), **self.levels}
+        if level not in known:
+            raise UsageError(f"{self.name} has no level {level!r}; it has: {', '.join(sorted({'full', *known}))}.")
+        return known[level]
 
     def content_hash(self) -> str:
         """SHA-256 of the content in SI, hex: the same for the folder and the YAML form."""
@@ -192,16 +195,23 @@ def home_within(lower: float, upper: float) -> float:
     return 0.5 * (lower + upper)
 
 
-def with_effects(database: Database, rows: Mapping[str, tuple[EffectRow, ...]]) -> Database:
+def with_effects(database: Database, rows: Mapping[str, tuple[EffectRow, ...]], level: str = "full") -> Database:
     """The database with rows of effects replaced, or added where there was none at that place.
 
     Args:
         database: The robot.
         rows: As `load_effects` gives them.
+        level: It uses them from now on; of a table that it has not used before it has these rows and no others.
+
+    Raises:
+        UsageError: No such level.
     """
+    used = database.level_effects(level)
     effects = dict(database.effects)
     for name, new in rows.items():
-        merged = {row.at: row for row in effects.get(name, ())}
-        merged.update((row.at, row) for row in new)
+        merged = {row.at: row for row in effects.get(name, ()) if name in used} | {row.at: row for row in new}
         effects[name] = tuple(merged[at] for at in sorted(merged))
-    return replace(database, effects=FrozenMap(sorted(effects.items())))
+    levels = database.levels
+    if level != "full":
+        levels = FrozenMap(sorted({**levels, level: tuple(sorted({*used, *rows}))}.items()))
+    return replace(database, effects=FrozenMap(sorted(effects.items())), levels=levels)

@@ -52,15 +52,17 @@ def check(source: str | Path) -> tuple[Problem, ...]:
     return tuple(sorted(problems.found, key=lambda problem: problem.severity != "error"))
 
 
-def load_effects(folder: Path, database: Database) -> FrozenMap[str, tuple[EffectRow, ...]]:
+def load_effects(folder: Path, database: Database, level: str = "full") -> FrozenMap[str, tuple[EffectRow, ...]]:
     """Effects' tables from a folder of `<effect>.dat`, for `with_effects`.
 
     Args:
         folder: Where the tables stand.
         database: The robot they are for.
+        level: At which they are to stand beside the database's own.
 
     Raises:
         DatabaseError: With everything that is wrong with them, or with them beside the database's own.
+        UsageError: No such level.
     """
     problems = Problems()
     tables = sorted(folder.glob("*.dat")) if folder.is_dir() else []
@@ -78,7 +80,9 @@ def load_effects(folder: Path, database: Database) -> FrozenMap[str, tuple[Effec
             if path.stem == "base_tilt" and database.base_taken_up:
                 problems.error(TILT_OF_TAKEN_BASE, path.name, raw.line, "robot")
     found = FrozenMap(sorted(effects.items()))
-    check_rivals(with_effects(database, found).effects, kinds, {path.stem: path.name for path in tables}, problems)
+    there = with_effects(database, found, level)
+    used = {name: there.effects[name] for name in there.level_effects(level)}
+    check_rivals(used, kinds, {path.stem: path.name for path in tables}, problems)
     if problems.errors:
         raise DatabaseError(problems.errors)
     return found

@@ -13,7 +13,7 @@ from ..files import write_whole
 from ..representation import Inertia, VeitscheggerWu
 from .database import Database, MotionTable, Placement, Visual
 from .schema import JOINTS
-from .settings import LARGEST_MESH
+from .settings import LARGEST_MESH, RESERVED_LEVELS
 from .sources import SETTINGS_FILE, YAML_SUFFIXES
 from .table import MOST_ROWS
 from .yaml_tree import MOST_NODES
@@ -231,10 +231,12 @@ def _settings_text(database: Database) -> str:
         "products_of_inertia: tensor",
         "kinematics_convention: standard",
     ]
-    if d.levels:
+    # what `with_effects` gave `rigid` is that robot's in memory alone
+    named = [name for name in sorted(d.levels) if name not in RESERVED_LEVELS]
+    if named:
         lines.append("levels:")
         # quoted: a name such as 1 or on is a word all the same
-        lines.extend(f"  {_quoted(name)}: [{', '.join(sorted(d.levels[name]))}]" for name in sorted(d.levels))
+        lines.extend(f"  {_quoted(name)}: [{', '.join(sorted(d.levels[name]))}]" for name in named)
     t = d.tolerance
     lines += [
         f"dummy_inertia: {_yaml_number(d.dummy_inertia)}",

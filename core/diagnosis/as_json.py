@@ -47,6 +47,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "unexplained": asdict(rest),
         "next_experiment": None if following is None else {"why": following.why, "motion": MOTION_FILE},
         "data": {
+            "level": diagnosis.level,
             "runs": list(diagnosis.runs),
             "left_out": [asdict(item) for item in diagnosis.left_out],
             "notes": list(diagnosis.notes),

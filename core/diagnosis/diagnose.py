@@ -44,7 +44,7 @@ from .held import HELPS, NOT_EXCITED, UNREAL, Held
 from .how_far import name_of
 from .in_simulation import closed_in_simulation
 from .judge import Judge
-from .model import Rows, level_rows, merged, robot_of
+from .model import Rows, level_rows, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import Whitening, whitening
@@ -324,7 +324,8 @@ class _Diagnosing:
                 for item in run.left_out
             ),
             effects=effects,
-            corrected=with_effects(self.database, merged(self.database.effects, effects)),
+            level=self.level,
+            corrected=with_effects(self.database, effects, self.level),
             notes=tuple(notes),
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay, since[overlay.run]) for overlay in held.overlays),

@@ -242,7 +242,8 @@ class Diagnosis:
         robot: Name of the database.
         verdict: See diagnosis.md.
         effects: Effect -> rows to put into the database (the totals), for with_effects and OUT/effects.
-        corrected: The database with them.
+        corrected: The database with them, for the level that was diagnosed.
+        level: Of the nominal model; it uses the effects that were found.
         runs, holdout: Names of the runs.
         notes: What a reader should know: windows, filters, what was assumed.
         scores: Every candidate that was looked at.
@@ -262,6 +263,7 @@ class Diagnosis:
     left_out: tuple[LeftOutSamples, ...]
     effects: Mapping[str, tuple[EffectRow, ...]]
     corrected: Database
+    level: str = "full"
     notes: tuple[str, ...] = ()
     scores: tuple[Score, ...] = ()
     overlays: tuple[Overlay, ...] = field(default=(), compare=False, repr=False)

@@ -239,6 +239,7 @@ class DiagnosisHowFar(Section):
             "without": without,
             "total": _bar(how_far.shrinks_by) if how_far.shrinks_by is not None else None,
             "parameters": parameters,
+            "level": answer.level,
         }
 
 

@@ -76,6 +76,18 @@ def test_rows_of_effects_that_replace_the_database_s_reach_all_voices(tmp_path):
     assert abs(answer.evidence.answers["tables"]["gravity"] - bare.evidence.answers["tables"]["gravity"]).max() > 1.0
 
 
+@pytest.mark.parametrize("level", ["rigid", "friction"])
+def test_rows_of_effects_count_at_any_level_in_all_voices(tmp_path, level):
+    """The rigid robot has the one rotor that is given, and not the database's other one."""
+    (tmp_path / "payload.dat").write_text("robot mass x\nrobot 3 0.1\n")
+    (tmp_path / "rotor_inertia.dat").write_text("joint inertia\n2 0.7\n")
+    answer = agree(
+        "planar2r", ["urdf", "mjcf"], level, quantities=["mass_matrix", "motor_inertia"], with_effects=tmp_path
+    )
+    assert answer.agreed and [voice.name for voice in answer.voices] == ["tables", "urdf", "mjcf"]
+    assert {"payload", "rotor_inertia"} <= set(answer.effects)
+
+
 def test_unknown_names_are_named():
     with pytest.raises(UsageError, match="no quantity 'weight'"):
         agree("planar2r", quantities=["weight"])

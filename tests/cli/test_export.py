@@ -113,6 +113,18 @@ def test_with_effects_replaces_rows(mbexport, tmp_path):
     assert terms["coulomb_friction"] == [0.5]
 
 
+@pytest.mark.parametrize("level", ["rigid", "friction"])
+def test_with_effects_counts_at_any_level(mbexport, tmp_path, level):
+    tables = tmp_path / "effects"
+    tables.mkdir()
+    (tables / "payload.dat").write_text("robot mass\nrobot 0.5\n")
+    words = ("--to", "mjcf", "pendulum", "--level", level, "--json")
+    assert mbexport(*words, "-o", tmp_path / "bare").status == 0
+    loaded = json.loads(mbexport(*words, "--with-effects", tables, "-o", tmp_path / "out").out)
+    assert "payload" in loaded["effects"] and loaded["level"] == level
+    assert (tmp_path / "out" / "pendulum.xml").read_text() != (tmp_path / "bare" / "pendulum.xml").read_text()
+
+
 def test_what_a_format_cannot_say_is_told(mbexport, tmp_path):
     answer = mbexport("--to", "urdf", "imece2013", "-o", tmp_path)
     assert "impossible" in answer.out

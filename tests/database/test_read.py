@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mbexport.core.database import Database, check, load, load_effects, parse_motion, with_effects
-from mbexport.core.errors import DatabaseError, RunFileError
+from mbexport.core.database import Database, FrozenMap, check, load, load_effects, parse_motion, with_effects, write
+from mbexport.core.effects import EffectRow, effect_named
+from mbexport.core.errors import DatabaseError, RunFileError, UsageError
 
 
 def test_defaults(small):
@@ -258,6 +259,42 @@ def test_effects_replace_the_rows_they_list(small, tmp_path: Path):
     assert changed.effects["payload"][0].values["mass"] == 1.5
     assert list(changed.effects) == ["payload", "viscous_friction"]
     assert robot.effects["viscous_friction"][1].values["coefficient"] == 3.0
+
+
+def test_effects_that_are_given_count_at_the_level_they_are_given_for(small, tmp_path: Path):
+    tables = {
+        "robot.yaml": "name: small\nlevels: {dry: [coulomb_friction]}\n",
+        "effects/viscous_friction.dat": "joint coefficient\n1 2\n2 3\n",
+        "effects/coulomb_friction.dat": "joint torque\n1 1\n2 1\n",
+    }
+    robot = load(small(tables))
+    rows = {
+        "coulomb_friction": (EffectRow(2, FrozenMap({"torque": 7.0})),),
+        "viscous_friction": (EffectRow(2, FrozenMap({"coefficient": 7.0})),),
+    }
+    dry, bare = with_effects(robot, rows, "dry"), with_effects(robot, rows, "rigid")
+    assert dry.level_effects("dry") == bare.level_effects("rigid") == ("coulomb_friction", "viscous_friction")
+    # of a table that the level has not used none of the database's own rows comes along
+    assert [row.at for row in dry.effects["coulomb_friction"]] == [1, 2]
+    assert [row.at for row in dry.effects["viscous_friction"]] == [2]
+    assert [row.at for row in bare.effects["coulomb_friction"]] == [2]
+    assert with_effects(robot, rows).level_effects("dry") == ("coulomb_friction",)
+    with pytest.raises(UsageError, match="no level 'wet'"):
+        with_effects(robot, rows, "wet")
+    # nobody reads a database whose rigid level is not rigid
+    assert load(write(bare, tmp_path / "bare.yaml", "yaml")[0]).level_effects("rigid") == ()
+
+
+def test_springs_of_a_level_that_is_not_asked_for_are_no_rivals(small, tmp_path: Path):
+    robot = load(small({"effects/joint_compliance.dat": "joint stiffness damping\n1 1e4 1\n"}))
+    (tmp_path / "more").mkdir()
+    columns = [column.name for column in effect_named("joint_compliance_6d").columns]
+    (tmp_path / "more" / "joint_compliance_6d.dat").write_text(
+        f"joint {' '.join(columns)}\n1 {' '.join('1e4' for _ in columns)}\n"
+    )
+    with pytest.raises(DatabaseError, match="the same spring"):
+        load_effects(tmp_path / "more", robot)
+    assert load_effects(tmp_path / "more", robot, "rigid")
 
 
 def test_effects_of_a_folder_are_checked_like_the_database_s(small, tmp_path: Path):

@@ -61,6 +61,8 @@ def test_a_missing_friction_is_named_measured_and_shown_to_close_the_gap():
     json.dumps(answer.to_json(), allow_nan=False)
     corrected = answer.corrected.effects["viscous_friction"]
     assert corrected[0].values["coefficient"] == found.parameters["coefficient"].value
+    # built at the level that was diagnosed it is the robot that closes the gap
+    assert mbexport.build(answer.corrected, level=answer.level).effects == ("viscous_friction",)
 
 
 @pytest.mark.parametrize(("against", "found"), [(None, []), (lambda t, q, dq: 0.4 * dq, ["viscous_friction"])])
