@@ -22,7 +22,7 @@ from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
-from .prepare import Prepared, creep_of
+from .prepare import Prepared, creep_of, filtered, ticks_a_row
 from .starting_side import Witness, clearance_of
 
 Vector = NDArray[np.float64]
@@ -37,6 +37,8 @@ STANDS, REST = 0.7, 0.05
 SLOW = 0.25
 # what is late by so nearly a number of rows is late by that
 WHOLE = 1.0e-6
+# before and behind a row [s]
+BESIDE = 1.0e-6
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
 
@@ -119,6 +121,8 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     asked = _asked(
         run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, at_joints(beyond, LIMIT, robot.n)
     )
+    if asked is not None and run.run.control.mode == "pd":
+        tau = tau + filtered(run, _fed_forward(run, nominal)[1])
     return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
@@ -491,13 +495,29 @@ def fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector] | None:
 def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
     control = run.run.control
-    q_cmd, dq_cmd, ddq_cmd = run.run.motion().at(control.commanded_at(run.t))
+    q_cmd, dq_cmd, _ = run.run.motion().at(control.commanded_at(run.t))
     place, rate = run.q, run.dq - 0.5 * control.differenced / control.rate * run.ddq
     if run.told is not None:
         told = run.told
         place = np.where(told.joints, told.q, place)
         rate = np.where(told.joints, rate + told.taken * (told.dq - rate), rate)
-    return q_cmd - place, dq_cmd - rate, feedforward_along(nominal, control, q_cmd, dq_cmd, ddq_cmd)
+    return q_cmd - place, dq_cmd - rate, _fed_forward(run, nominal)[0]
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:
+    """The feedforward that rows show, and by how much that is more than acts about them, shapes (m, n).
+
+    A command's acceleration may jump at every row and go back until the next one: pieces of third order join so. A row
+    shows what comes after its jump, and a quick controller's other ticks, as many as a row stands for, what is left of
+    it.
+    """
+    control, law, ticks = run.run.control, run.run.motion(), ticks_a_row(run.run)
+    if ticks == 1 or control.every > 1 or control.feedforward != "inverse_dynamics":
+        shown = feedforward_along(nominal, control, *law.at(control.commanded_at(run.t)))
+        return shown, np.zeros_like(shown)
+    shown, before = (feedforward_along(nominal, control, *law.at(run.t + side)) for side in (BESIDE, -BESIDE))
+    return shown, 0.5 * (1.0 - 1.0 / ticks) * (shown - before)
 
 
 @lru_cache(maxsize=_REMEMBERED)

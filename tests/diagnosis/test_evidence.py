@@ -7,6 +7,8 @@ import pytest
 from pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run, standing_run
 from scipy.spatial.transform import Rotation
 
+from mbexport.core.build import build
+from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import prepare
 from mbexport.core.diagnosis.inverse import _before, said
@@ -18,6 +20,9 @@ from mbexport.core.diagnosis.search import search
 from mbexport.core.diagnosis.state import Search
 from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import kinematics
+from mbexport.core.motion import from_table
+from mbexport.core.recording import read_run
+from mbexport.core.simulation import simulate
 
 DATABASE = load("pendulum")
 
@@ -72,6 +77,28 @@ def test_a_delay_is_found_to_a_part_of_a_tick():
     found = search(state).found
     assert [item.effect for item in found] == ["delay"]
     assert found[0].row.values["time"] == pytest.approx(late, abs=6e-4)
+
+
+def test_a_feedforward_that_jumps_at_every_row_is_no_gap_of_the_model(tmp_path):
+    """Through positions alone a motion's pieces join with one speed and two accelerations, of which rows show one."""
+    t = np.arange(501) / 200.0
+    s = np.clip(np.minimum(t, 2.5 - t), 0.0, 1.0)
+    rest = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    motion = from_table(t, np.column_stack([0.8 * rest * np.sin(4.1 * t), 0.6 * rest * np.cos(7.3 * t)]))
+    database = load("planar2r")
+    control = Control("pd", (900.0, 250.0), (40.0, 12.0), feedforward="inverse_dynamics", rate=1000.0)
+    trace = simulate(build(database, "rigid"), "urdf", motion, control, rate=200.0)
+    noise = {"q": [2e-5] * 2, "dq": [2e-3] * 2, "tau": [0.05] * 2}
+    trace.with_noise(noise, 1).write(tmp_path / "run")
+    run = read_run(tmp_path / "run", database)
+    asked = problem(database, "rigid", [run])
+    left = asked.residual({})
+    loud = {c.signal: [] for c in asked.evidence.channels}
+    for c in asked.evidence.channels:
+        loud[c.signal].append(float(np.mean(left[c.first : c.last] ** 2)))
+    # 262 and 2686 as if rows showed what acts about them; what the controller asked for is known far better
+    assert max(loud["tau"]) < 1.5
+    assert max(loud["u"]) < 50.0
 
 
 @pytest.mark.parametrize("rows", [0.0, 0.5, 1.0, 2.0])
