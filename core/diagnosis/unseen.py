@@ -19,7 +19,7 @@ from .gap import loudest_along, shows_in_band
 from .hypothesis import clamped
 from .nuisances import Whitening
 from .other_laws import straightened
-from .problem import FAR, Problem
+from .problem import BODIES, FAR, Problem
 from .refine import PLAY, Refined, left_with, refined, removal, widths_about
 
 Vector = NDArray[np.float64]
@@ -155,7 +155,10 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
             if loose:
                 rest = min((rest, *map(unseen.left, of_other_widths(kept))), key=_energy)
             gains[k] += gained(rest, left, sigma, unseen.parts)
-            shares[k] = max(shares[k], _share(nothing, rest, left, unseen.parts))
+            # no body has another form of its law: what it takes hides no small cause beside it
+            bodies = [other for other in others if other.effect in BODIES]
+            beside = unseen.left(bodies) if bodies else nothing
+            shares[k] = max(shares[k], _share(beside, rest, left, unseen.parts))
             for there, (part, without, beside) in enumerate(((unseen, rest, left), (seen, seen.left(kept), fit.left))):
                 forms = beyond_forms(part.problem, part.whiten, whole, k)
                 doubted[k] |= forms is not None

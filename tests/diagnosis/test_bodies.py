@@ -28,7 +28,7 @@ from mbexport.core.diagnosis.scales import scales_of
 from mbexport.core.diagnosis.search import _likeliest
 from mbexport.core.diagnosis.state import Search
 from mbexport.core.diagnosis.told_apart import _called_first, told_apart
-from mbexport.core.diagnosis.unseen import splits
+from mbexport.core.diagnosis.unseen import OTHER_FORM, judged, splits
 from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import dynamics
 from mbexport.core.recording import Run
@@ -108,6 +108,27 @@ def test_a_load_is_fitted_that_is_no_body_as_more_of_its_arm(monkeypatch, mass):
     assert [*fit.rows] == [item.key for item in found]
     whole = left_with(asked, whitening(asked), {})
     assert float(fit.left @ fit.left) < 0.1 * float(whole @ whole)
+
+
+@pytest.mark.parametrize("loud", ["payload", "joint_spring"])
+def test_a_body_hides_no_small_cause_beside_it(monkeypatch, loud):
+    """Friction beside what no cause says is a small part of what each makes; a spring may have another form."""
+    mass, stiffness = (0.8, 0.0) if loud == "payload" else (0.0, 4.0)
+    monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + mass * 0.4**2)
+
+    def against(t, q, dq):
+        return mass * 9.81 * 0.4 * math.sin(q) + stiffness * q + 0.08 * math.tanh(1e3 * dq) + 0.03 * math.sin(40.0 * q)
+
+    asked = problem(load("pendulum"), "rigid", [pendulum_run(seed=seed, against=against) for seed in (1, 2)])
+    row = (
+        EffectRow(0, defaults("payload") | {"mass": 0.8, "x": -0.1})
+        if loud == "payload"
+        else EffectRow(1, {"stiffness": 4.0, "rest": 0.0})
+    )
+    found = [Found(loud, row.at, row, 50.0), Found("coulomb_friction", 1, EffectRow(1, {"torque": 0.08}), 50.0)]
+    worth = judged(asked, whitening(asked), found, splits(2, 0))
+    assert min(worth.gains) > 50.0
+    assert (worth.shares[1] > OTHER_FORM) is (loud == "payload")
 
 
 @pytest.mark.parametrize("beside", [True, False])
