@@ -171,7 +171,7 @@ def sample_rows(database: Database, name: str) -> tuple[EffectRow, ...]:
     """
     if name not in _ROWS:
         raise UsageError(f"no sample rows of effect {name!r}; known: {', '.join(SAMPLED)}.")
-    rows = _ROWS[name](_Sizes.of(build(database, "rigid")))
+    rows = _ROWS[name](_Sizes.of(build(database, effects=())))
     columns = effect_named(name).columns
     defaults = {column.name: 0.0 if column.default is None else column.default for column in columns}
     return tuple(EffectRow(at, {**defaults, **values}) for at, values in sorted(rows.items()))

@@ -288,7 +288,7 @@ class _References:
 
     @cached_property
     def _nominal_torque(self) -> Vector:
-        torque = dynamics(build(self._database, "rigid")).inverse_dynamics(*self._motion)
+        torque = dynamics(build(self._database, effects=())).inverse_dynamics(*self._motion)
         lost = np.isnan(self.run.signals["q"]).any(axis=1)
         width = max(2, round(_SMOOTH * self.run.rate))
         torque[np.convolve(lost, np.ones(2 * width + 1))[width:-width] > 0.5] = np.nan
@@ -297,7 +297,7 @@ class _References:
     def _tool(self, signal: str, values: Vector) -> _Reference:
         from scipy.spatial.transform import Rotation
 
-        pose = kinematics(build(self._database, "rigid")).tool_in_base(self._motion[0])
+        pose = kinematics(build(self._database, effects=())).tool_in_base(self._motion[0])
         if signal == "ee":
             reach = float(np.linalg.norm(np.ptp(pose[:, :3, 3], axis=0)))
             return _Reference(pose[:, :3, 3], values - pose[:, :3, 3], reach)

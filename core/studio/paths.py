@@ -89,7 +89,7 @@ def run_paths(bench: Bench, motion: MotionLaw, drive: Drive, backend: str) -> Pa
 
 def rigid_of(bench: Bench) -> Robot:
     """The bench's robot without any effect: what its tip is held against."""
-    return build(bench.database(), "rigid")
+    return build(bench.database(), effects=())
 
 
 def controller_of(bench: Bench, drive: Drive) -> tuple[Control | None, Robot | None]:

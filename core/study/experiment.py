@@ -135,7 +135,7 @@ class Experiment:
             rate=self.rate,
             nominal=nominal,
         )
-        rigid = kinematics(build(varied, "rigid"))
+        rigid = kinematics(build(varied, effects=()))
         figures = figures_of(trace, rigid.tool_in_base(self.motion.at(trace.t)[0])[:, :3, 3])
         if not np.isfinite(figures).all():
             raise RefusedError("its figures are not finite.")

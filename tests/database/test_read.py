@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from mbexport.core.build import build
 from mbexport.core.database import Database, FrozenMap, check, load, load_effects, parse_motion, with_effects, write
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import DatabaseError, RunFileError, UsageError
@@ -281,6 +282,8 @@ def test_effects_that_are_given_count_at_the_level_they_are_given_for(small, tmp
     assert with_effects(robot, rows).level_effects("dry") == ("coulomb_friction",)
     with pytest.raises(UsageError, match="no level 'wet'"):
         with_effects(robot, rows, "wet")
+    # what asks for the bodies alone has them still
+    assert build(bare, "rigid").effects and not build(bare, effects=()).effects
     # nobody reads a database whose rigid level is not rigid
     assert load(write(bare, tmp_path / "bare.yaml", "yaml")[0]).level_effects("rigid") == ()
 
