@@ -121,8 +121,8 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     asked = _asked(
         run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, at_joints(beyond, LIMIT, robot.n)
     )
-    if asked is not None and run.run.control.mode == "pd":
-        tau = tau + filtered(run, _fed_forward(run, nominal)[1])
+    if run.run.control.mode == "pd" and (more := _fed_forward(run, nominal)[1]) is not None:
+        tau = tau + more
     return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
@@ -505,8 +505,8 @@ def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:
-    """The feedforward that rows show, and by how much that is more than acts about them, shapes (m, n).
+def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector | None]:
+    """The feedforward that rows show, and by how much that is more than acts about them, shapes (m, n); None: nothing.
 
     A command's acceleration may jump at every row and go back until the next one: pieces of third order join so. A row
     shows what comes after its jump, and a quick controller's other ticks, as many as a row stands for, what is left of
@@ -515,9 +515,9 @@ def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:
     control, law, ticks = run.run.control, run.run.motion(), ticks_a_row(run.run)
     if ticks == 1 or control.every > 1 or control.feedforward != "inverse_dynamics":
         shown = feedforward_along(nominal, control, *law.at(control.commanded_at(run.t)))
-        return shown, np.zeros_like(shown)
+        return shown, None
     shown, before = (feedforward_along(nominal, control, *law.at(run.t + side)) for side in (BESIDE, -BESIDE))
-    return shown, 0.5 * (1.0 - 1.0 / ticks) * (shown - before)
+    return shown, filtered(run, 0.5 * (1.0 - 1.0 / ticks) * (shown - before))
 
 
 @lru_cache(maxsize=_REMEMBERED)
