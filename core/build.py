@@ -54,10 +54,15 @@ def build(database: Database, level: str = "full", effects: Iterable[str] | None
     return draw(robot)
 
 
-def assembled(database: Database, rows: Mapping[str, Sequence[EffectRow]]) -> Robot:
+def assembled(database: Database, rows: Mapping[str, Sequence[EffectRow]], *, many: bool = False) -> Robot:
     """The robot of a database with these effects' rows and no others; nothing is drawn, judged or hashed.
 
-    For those who try many variants, and in the middle of a search do not mind what no body can be.
+    For those who try variants, and in the middle of a search do not mind what no body can be.
+
+    Args:
+        database: As read.
+        rows: Of its effects.
+        many: It is one of thousands: what it takes is worth to be compiled.
     """
     stages = tuple(
         Stage(joint, Arm(f"arm_{i}", link, correction, inertia, shapes))
@@ -83,7 +88,7 @@ def assembled(database: Database, rows: Mapping[str, Sequence[EffectRow]]) -> Ro
     )
     for effect in in_order([effect_named(name) for name in sorted(rows)]):
         robot = effect.apply(robot, rows[effect.name])
-    return finish_drives(robot, database.dummy_inertia)
+    return finish_drives(robot, database.dummy_inertia, many=many)
 
 
 def _insist_on_bodies(robot: Robot, database: Database) -> None:
@@ -119,19 +124,20 @@ def _chosen_effects(database: Database, level: str, effects: Iterable[str] | Non
     return database.level_effects(level), level
 
 
-def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
+def finish_drives(robot: Robot, dummy_inertia: float, *, many: bool = False) -> Robot:
     """Give elastic joints without a rotor the paper's dummy part, and what sticks its bristle.
 
     Args:
         robot: With all effects applied.
         dummy_inertia: Fraction of the arm's diagonal mass-matrix entry at home.
+        many: It is one of thousands.
     """
     needs_spring = any(stage.drive.spring for stage in robot.stages)
     needs_stick = any(sticks(stage.drive) for stage in robot.stages)
     if not needs_spring and not needs_stick:
         return robot
     arms = tuple(Stage(stage.joint, stage.arm) for stage in robot.stages)
-    mass_matrix, load = _at_home(Robot(robot.name, robot.gravity, robot.base, robot.base_correction, arms))
+    mass_matrix, load = _at_home(Robot(robot.name, robot.gravity, robot.base, robot.base_correction, arms), many)
     notes: list[str] = []
     stages = list(robot.stages)
     for i, stage in enumerate(stages):
@@ -173,9 +179,9 @@ def finish_drives(robot: Robot, dummy_inertia: float) -> Robot:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _at_home(arms: Robot) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _at_home(arms: Robot, many: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Mass matrix of a robot without drives at home, shape (n, n), and how much its joints bear there, shape (n,)."""
-    home, plain = np.array(arms.home()), dynamics(arms)
+    home, plain = np.array(arms.home()), dynamics(arms, always_compiled=many)
     return plain.mass_matrix(home), np.abs(plain.gravity(home))
 
 

@@ -106,7 +106,7 @@ def step_of(scenario: Scenario, backend: Backend) -> float:
     """The backend's own step; of a first-order one at most what its gate is for [s]."""
     whole = expanded(scenario.robot, imposed=scenario.imposed)
     poses = whole.spread(poses_of(scenario.robot, scenario.motion))
-    own = choose_step(whole.robot, backend, imposed=scenario.imposed, poses=poses)
+    own = choose_step(whole.robot, backend, imposed=scenario.imposed, poses=poses, compiled=True)
     return min(own, scenario.first_step) if backend.gate_class == "B" else own
 
 

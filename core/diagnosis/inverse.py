@@ -22,7 +22,7 @@ from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
-from .prepare import Prepared, creep_of, filtered, ticks_a_row
+from .prepare import Prepared, creep_of, filtered, lowpass, ticks_a_row
 from .starting_side import Witness, clearance_of
 
 Vector = NDArray[np.float64]
@@ -160,8 +160,7 @@ def _slow(values: Vector, run: Prepared) -> Vector:
     """Without the upper part of what is compared, where a change is that of noise."""
     signal: Any = import_module("scipy.signal")
 
-    sos = signal.butter(2, SLOW * run.band, fs=1.0 / run.h, output="sos")
-    return np.asarray(signal.sosfiltfilt(sos, values, axis=0))
+    return np.asarray(signal.sosfiltfilt(lowpass(2, SLOW * run.band, 1.0 / run.h), values, axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

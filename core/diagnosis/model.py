@@ -27,7 +27,7 @@ def robot_of(database: Database, level: str, run: Run, effects: Rows | None = No
         UsageError: No such level.
     """
     rows = merged(level_rows(database, level), effects or {})
-    robot = assembled(database, rows)
+    robot = assembled(database, rows, many=True)
     if run.payload:
         robot = effect_named("payload").apply(robot, (EffectRow(0, FrozenMap(run.payload)),))
     return _held(robot)

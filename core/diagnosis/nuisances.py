@@ -97,7 +97,7 @@ def _whitening(names: tuple[str, ...], matrix: Vector) -> Whitening:
 
 def _varied(problem: Problem, change: Callable[[Database], Database]) -> Vector:
     changed = {id(body): change(body) for body in problem.bodies}
-    robots = [assembled(changed[id(body)], problem.known) for body in problem.bodies]
+    robots = [assembled(changed[id(body)], problem.known, many=True) for body in problem.bodies]
     return problem.evidence.residual(robots)
 
 

@@ -326,7 +326,7 @@ def step_of(robot: Robot, run: Run, backend: Backend) -> float:
     imposed = run.control.mode in ("motion", "unknown")
     whole = expanded(robot, imposed=imposed)
     poses = whole.spread(poses_of(robot, run.motion()))
-    return choose_step(whole.robot, backend, imposed=imposed, poses=poses)
+    return choose_step(whole.robot, backend, imposed=imposed, poses=poses, compiled=True)
 
 
 def _apart(one: Mapping[str, Vector], other: Mapping[str, Vector]) -> dict[str, Vector]:

@@ -33,6 +33,8 @@ AS_TOLD = 2.0
 # a joint stands below this part of its own highest speed
 CREEP = 0.01
 ORDER = 4
+# filters that are kept
+_DESIGNED = 64
 # rows at least that the filter can be run along both ways: all but one of them stand for what was before
 FEWEST_FILTERED = 3 * (ORDER + 1) + 1
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
@@ -126,9 +128,15 @@ def _corner(band: float, rate: float) -> float:
 
 def _smoothing(band: float, rate: float) -> Vector:
     """That filter's second-order sections; it is run both ways."""
+    return lowpass(ORDER, _corner(band, rate), rate)
+
+
+@lru_cache(maxsize=_DESIGNED)
+def lowpass(order: int, corner: float, rate: float) -> Vector:
+    """Second-order sections of a Butterworth filter, made once: designing one takes as long as running it."""
     signal: Any = import_module("scipy.signal")
 
-    return np.asarray(signal.butter(ORDER, _corner(band, rate), fs=rate, output="sos"))
+    return np.asarray(signal.butter(order, corner, fs=rate, output="sos"))
 
 
 def creep_of(run: Prepared) -> Vector:

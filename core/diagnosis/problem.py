@@ -60,7 +60,7 @@ class Problem:
         made: dict[int, Robot] = {}
         for body in self.bodies:
             if id(body) not in made:
-                made[id(body)] = assembled(body, every)
+                made[id(body)] = assembled(body, every, many=True)
         return [made[id(body)] for body in self.bodies]
 
     def residual(self, rows: Rows) -> Vector:
@@ -174,7 +174,7 @@ def problem(database: Database, level: str, runs: Sequence[Run]) -> Problem:
         key = tuple(sorted(run.payload.items()))
         bodies.setdefault(key, _loaded(database, run.payload))
     each = tuple(bodies[tuple(sorted(run.payload.items()))] for run in runs)
-    nominals = [assembled(body, known) for body in each]
+    nominals = [assembled(body, known, many=True) for body in each]
     return Problem(database, known, each, gather(runs, nominals))
 
 

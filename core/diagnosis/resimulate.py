@@ -197,7 +197,7 @@ def steps_of(robot: Robot, run: Run, backend: Backend | str) -> float:
     whole = expanded(robot, imposed=imposed)
     poses = whole.spread(poses_of(robot, run.motion()))
     engine = backend_named(backend) if isinstance(backend, str) else backend
-    return run.duration / choose_step(whole.robot, engine, imposed=imposed, poses=poses)
+    return run.duration / choose_step(whole.robot, engine, imposed=imposed, poses=poses, compiled=True)
 
 
 def mode_of(run: Run) -> str:

@@ -89,7 +89,8 @@ def simulate(
     plan = Program(law, replace(rules, feedforward="none"), length, engine_backend.largest_step)
     # what it refuses has no step either
     engine_backend.insist_on(whole.robot, whole_program(whole, plan))
-    h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=whole.spread(poses_of(robot, law)), step=step)
+    poses = whole.spread(poses_of(robot, law))
+    h = choose_step(whole.robot, engine_backend, imposed=imposed, poses=poses, step=step, compiled=True)
     program = whole_program(whole, replace(plan, step=h))
     engine = engine_backend.engine_for(whole.robot, program)
     outside: UnitController | None = None

@@ -35,7 +35,7 @@ def poses_of(robot: Robot, motion: MotionLaw) -> Vector:
     return np.vstack([np.array(robot.home()), passed])
 
 
-def largest_eigenvalue(robot: Robot, *, imposed: bool, poses: Vector, bristles: bool) -> float:
+def largest_eigenvalue(robot: Robot, *, imposed: bool, poses: Vector, bristles: bool, compiled: bool = False) -> float:
     """Largest magnitude of an eigenvalue of the robot at rest [1/s], over some poses.
 
     The robot is linearised with its springs, dampers and friction; gravity's stiffness is left out (it is slow), the
@@ -46,28 +46,43 @@ def largest_eigenvalue(robot: Robot, *, imposed: bool, poses: Vector, bristles: 
         imposed: Motor sides are moved by a motion, not by torque.
         poses: Positions to try, shape (k, n).
         bristles: Count the stiffness of sticking friction.
+        compiled: Numba is there anyway, as where the robot is run.
     """
-    arms = dynamics(robot)
-    largest = 0.0
-    for q in poses:
-        inertia, damping, stiffness = _linearised(robot, arms.mass_matrix(q), arms.gravity(q), bristles)
-        free = _free_coordinates(robot, imposed)
-        if not free:
-            continue
-        block = np.ix_(free, free)
-        m, b, k = inertia[block], damping[block], stiffness[block]
-        if not (k.any() or b.any()):
-            continue
-        size = len(free)
-        try:
-            forces = np.linalg.solve(m, np.hstack([k, b]))
-        except np.linalg.LinAlgError as error:
-            raise RefusedError(
-                f"{robot.name} has a joint that moves no inertia at all at q = {q.tolist()}: nothing can be integrated."
-            ) from error
-        system = np.block([[np.zeros((size, size)), np.eye(size)], [-forces]])
-        largest = max(largest, float(np.max(np.abs(np.linalg.eigvals(system)))))
-    return largest
+    free = _free_coordinates(robot, imposed)
+    if not free:
+        return 0.0
+    arms = dynamics(robot, always_compiled=compiled)
+    inertia, damping, stiffness = _linearised(
+        robot,
+        np.array([arms.mass_matrix(q) for q in poses]),
+        np.array([arms.gravity(q) for q in poses]),
+        bristles,
+    )
+    block = np.ix_(range(len(poses)), free, free)
+    m, b, k = inertia[block], damping[block], stiffness[block]
+    moves = k.any(axis=(1, 2)) | b.any(axis=(1, 2))
+    if not moves.any():
+        return 0.0
+    try:
+        forces = np.linalg.solve(m[moves], np.concatenate([k, b], axis=2)[moves])
+    except np.linalg.LinAlgError as error:
+        still = next(q for q, one in zip(poses[moves], m[moves], strict=True) if _moves_nothing(one))
+        raise RefusedError(
+            f"{robot.name} has a joint that moves no inertia at all at q = {still.tolist()}: nothing can be integrated."
+        ) from error
+    size = len(free)
+    system = np.zeros((len(forces), 2 * size, 2 * size))
+    system[:, :size, size:] = np.eye(size)
+    system[:, size:] = -forces
+    return float(np.max(np.abs(np.linalg.eigvals(system))))
+
+
+def _moves_nothing(inertia: Vector) -> bool:
+    try:
+        np.linalg.inv(inertia)
+    except np.linalg.LinAlgError:
+        return True
+    return False
 
 
 def _free_coordinates(robot: Robot, imposed: bool) -> list[int]:
@@ -77,32 +92,42 @@ def _free_coordinates(robot: Robot, imposed: bool) -> list[int]:
     return elastic if imposed else [*range(n), *(n + i for i in elastic)]
 
 
-def _linearised(robot: Robot, mass_matrix: Vector, gravity: Vector, bristles: bool) -> tuple[Vector, Vector, Vector]:
-    """Inertia, damping and stiffness over (q, theta), shapes (2n, 2n)."""
+def _linearised(robot: Robot, mass_matrices: Vector, gravity: Vector, bristles: bool) -> tuple[Vector, Vector, Vector]:
+    """Inertia, damping and stiffness over (q, theta) in each pose, shapes (k, 2n, 2n)."""
     n = robot.n
-    inertia, damping, stiffness = (np.zeros((2 * n, 2 * n)) for _ in range(3))
-    inertia[:n, :n] = mass_matrix
+    inertia, damping, stiffness = (np.zeros((len(gravity), 2 * n, 2 * n)) for _ in range(3))
+    inertia[:, :n, :n] = mass_matrices
     for i, stage in enumerate(robot.stages):
         drive = stage.drive
         motor = n + i if drive.spring else i
-        inertia[motor, motor] += drive.inertia
+        inertia[:, motor, motor] += drive.inertia
         if drive.spring:
+            sides = np.ix_(range(len(gravity)), (i, motor), (i, motor))
             for matrix, value in ((stiffness, drive.spring.stiffness), (damping, drive.spring.damping)):
-                matrix[np.ix_((i, motor), (i, motor))] += value * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        stiffness[i, i] += sum(spring.stiffness for spring in drive.arm_springs)
-        stiffness[motor, motor] += sum(slip.stiffness for slip in drive.slips)
-        damping[motor, motor] += drive.damping
-        passed = usual_load(float(gravity[i]), float(mass_matrix[i, i]))
-        level = level_at_rest(drive, passed) if drive.terms else 0.0
-        if level > 0.0 and robot.friction.model == "smooth":
-            damping[motor, motor] += level / robot.friction.velocity
-        elif level > 0.0 and drive.stick and bristles:
-            stiffness[motor, motor] += level / drive.stick.displacement
-            damping[motor, motor] += level * drive.stick.time / drive.stick.displacement
+                matrix[sides] += value * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        stiffness[:, i, i] += sum(spring.stiffness for spring in drive.arm_springs)
+        stiffness[:, motor, motor] += sum(slip.stiffness for slip in drive.slips)
+        damping[:, motor, motor] += drive.damping
+        for pose in range(len(gravity)) if drive.terms else ():
+            passed = usual_load(float(gravity[pose, i]), float(mass_matrices[pose, i, i]))
+            level = level_at_rest(drive, passed)
+            if level > 0.0 and robot.friction.model == "smooth":
+                damping[pose, motor, motor] += level / robot.friction.velocity
+            elif level > 0.0 and drive.stick and bristles:
+                stiffness[pose, motor, motor] += level / drive.stick.displacement
+                damping[pose, motor, motor] += level * drive.stick.time / drive.stick.displacement
     return inertia, damping, stiffness
 
 
-def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector, step: float | None = None) -> float:
+def choose_step(
+    robot: Robot,
+    backend: Backend,
+    *,
+    imposed: bool,
+    poses: Vector,
+    step: float | None = None,
+    compiled: bool = False,
+) -> float:
     """Step for a run [s]: the backend's longest where nothing is stiff, else shorter.
 
     Args:
@@ -111,11 +136,16 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
         imposed: Mode motion.
         poses: Positions that the run passes, shape (k, n).
         step: Wanted by the user.
+        compiled: Numba is there anyway, as where the robot is run.
 
     Raises:
         RefusedError: The wanted step is unstable; the message names a stable one. Or no step is long enough to end.
     """
-    stiff = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=True)
+
+    def largest(bristles: bool) -> float:
+        return largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=bristles, compiled=compiled)
+
+    stiff = largest(bristles=True)
     if step is not None:
         if stiff * step > backend.stable:
             raise RefusedError(
@@ -124,7 +154,7 @@ def choose_step(robot: Robot, backend: Backend, *, imposed: bool, poses: Vector,
             )
         return step
     sticks = any(stage.drive.stick for stage in robot.stages)
-    smooth = largest_eigenvalue(robot, imposed=imposed, poses=poses, bristles=False) if sticks else stiff
+    smooth = largest(bristles=False) if sticks else stiff
     limits = [backend.largest_step]
     limits += [ACCURATE / smooth] if smooth > 0.0 else []
     limits += [min(BRISTLE, MARGIN * backend.stable) / stiff] if stiff > smooth else []
