@@ -56,6 +56,7 @@ class MjcfBackend(Backend):
     order: ClassVar[int] = 4
     gate_class: ClassVar[Literal["A", "B"]] = "A"
     stable: ClassVar[float] = 2.7
+    threads: ClassVar[bool] = True
 
     def version(self) -> str:
         """Version of the installed MuJoCo."""

@@ -20,7 +20,7 @@ from .found import Found, rows_of
 from .gap import LEVEL
 from .model import robot_of
 from .noise import Noise, noise_floor
-from .resimulate import compared, mode_of, rattles, residuals, resimulated
+from .resimulate import compared, each_simulated, mode_of, rattles, residuals, resimulated
 
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]
@@ -88,16 +88,13 @@ def how_far(
 
     def simulated(chosen: Sequence[int], engine: str) -> list[Simulated]:
         say(f"{engine}: " + (", ".join(names[k] for k in chosen) or "nothing added"))
-        return [
-            resimulated(
-                robot_of(database, level, run, rows_of([fold.found[k] for k in chosen])),
-                robot_of(database, level, run),
-                run,
-                engine,
-            )
-            for fold in folds
-            for run in fold.runs
-        ]
+
+        def there(fold: Fold, run: Run) -> Simulated:
+            rows = rows_of([fold.found[k] for k in chosen])
+            return resimulated(robot_of(database, level, run, rows), robot_of(database, level, run), run, engine)
+
+        some = [(fold, run) for fold in folds for run in fold.runs]
+        return each_simulated(lambda one: there(*one), some, engine)
 
     def some(chosen: Sequence[int]) -> list[Simulated] | None:
         """As simulated, None where some of the findings make a robot that no controller holds."""

@@ -347,7 +347,12 @@ def tolerance_changes(robot: Robot, tolerance: Tolerance, run: Run) -> dict[str,
     torque = np.array([dynamics(other, always_compiled=True).inverse_dynamics(q, dq, ddq) - base for other in variants])
     chain = kinematics(robot)
     tool, jacobian = chain.tool_and_jacobian(q)
-    tools = [kinematics(other).tool_in_base(q) for other in variants]
+    # what is heavier elsewhere holds its tool where it was
+    links = [stage.arm.link for stage in robot.stages]
+    tools = [
+        tool if [stage.arm.link for stage in other.stages] == links else kinematics(other).tool_in_base(q)
+        for other in variants
+    ]
     place = np.array([other[:, :3, 3] - tool[:, :3, 3] for other in tools])
     turn = np.array([small_turn(other[:, :3, :3] @ np.swapaxes(tool[:, :3, :3], -1, -2)) for other in tools])
     way, rate = np.zeros_like(torque), np.zeros_like(torque)

@@ -29,7 +29,7 @@ from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, linear, mode_of, residuals, resimulated, resimulated_once, steps_of
+from .resimulate import compared, each_simulated, linear, mode_of, residuals, resimulated, resimulated_once, steps_of
 
 Vector = NDArray[np.float64]
 
@@ -169,7 +169,7 @@ def polished(
         return simulated_left(problem.database, level, run, tables(rows_at(fit, x)), backend, resimulated_once)
 
     def left(x: Vector) -> list[Vector]:
-        return [left_of(run, x) for run in runs]
+        return each_simulated(lambda run: left_of(run, x), runs, backend)
 
     def energy(x: Vector) -> float:
         return loose.energy(left(x))
@@ -197,7 +197,7 @@ def polished(
         slopes: list[Vector] = []
         for _ in range(rounds):
             slopes = [
-                memory.of(run, fit.free, x, near, partial(_slopes, partial(moved, run), one, x, step, limits))
+                memory.of(run, fit.free, x, near, partial(_slopes, partial(moved, run), one, x, step, limits, backend))
                 for run, one in zip(runs, now, strict=True)
             ]
             normal, gradient = _normal(loose, now, slopes, weight, x - start)
@@ -259,9 +259,11 @@ def closing(
         raise RefusedError(f"what closes the gap would take {each:.1g} steps to try, each: nobody awaits it.")
     most = STIFFER * each
     now = [simulated_left(problem.database, level, run, rows, backend, resimulated) for run in runs]
-    own = [_slopes(partial(left_of, run), one, start, step, limits) for run, one in zip(runs, now, strict=True)]
-    energies: list[float] = []
-    for option in options:
+    own = [
+        _slopes(partial(left_of, run), one, start, step, limits, backend) for run, one in zip(runs, now, strict=True)
+    ]
+
+    def energy(option: Rows) -> float:
         try:
             if steps(merged(rows, option)) > most:
                 raise RefusedError("it would take too long")
@@ -271,8 +273,7 @@ def closing(
             ]
         except MbexportError:
             # nor may a body be so light
-            energies.append(math.inf)
-            continue
+            return math.inf
         slopes = [
             np.concatenate([slope, (values - before)[:, :, None]], axis=2)
             for slope, values, before in zip(own, there, now, strict=True)
@@ -281,8 +282,9 @@ def closing(
         normal, gradient = _normal(loose, now, slopes, weight, np.zeros(len(weight)))
         x = np.linalg.solve(normal, gradient)
         # the step's own gain, less what numbers would have to move from where they are
-        energies.append(min(loose.energy(there), loose.energy(now) - float(gradient @ x)) - count)
-    return loose.energy(now) - count, energies
+        return min(loose.energy(there), loose.energy(now) - float(gradient @ x)) - count
+
+    return loose.energy(now) - count, each_simulated(energy, options, backend)
 
 
 def _ringing(fit: Refined, x: Vector, energy: Callable[[Vector], float]) -> Vector:
@@ -395,14 +397,17 @@ def simulated_left(
     return np.column_stack([np.nan_to_num(apart[name] / np.maximum(sigma[name], 1e-300)) for name in sorted(apart)])
 
 
-def _slopes(left: Callable[[Vector], Vector], now: Vector, x: Vector, step: Vector, limits: Vector) -> Vector:
+def _slopes(
+    left: Callable[[Vector], Vector], now: Vector, x: Vector, step: Vector, limits: Vector, backend: str
+) -> Vector:
     """Change of what is left of a run (m, channels) with each number, shape (m, channels, k)."""
-    slopes = np.zeros((*now.shape, len(x)))
-    for k in range(len(x)):
-        moved = x.copy()
-        moved[k] += step[k] if x[k] + step[k] <= limits[k, 1] else -step[k]
-        slopes[:, :, k] = (left(moved) - now) / float(moved[k] - x[k])
-    return slopes
+
+    def slope(k: int) -> Vector:
+        moved = _with(x, k, float(x[k] + (step[k] if x[k] + step[k] <= limits[k, 1] else -step[k])))
+        return (left(moved) - now) / float(moved[k] - x[k])
+
+    each = each_simulated(slope, range(len(x)), backend)
+    return np.stack(each, axis=-1) if each else np.zeros((*now.shape, 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

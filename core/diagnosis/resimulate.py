@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from itertools import pairwise, product
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ..errors import RefusedError
 from ..expansion import expanded
 from ..kinematics import dynamics, jacobian
 from ..motion import MotionLaw, from_table, hold
+from ..parallel import side_by_side
 from ..recording import Run
 from ..recording.run import MEASURED
 from ..representation import Robot
@@ -30,6 +31,8 @@ from .prepare import Prepared, creep_of, filtered, prepared, widened
 from .sensed import noise_in
 from .starting_side import clearance_of, nearest_start, places_at_rest, rows_until_taken_along
 
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 Vector = NDArray[np.float64]
 
 # modes in which a simulation's motors move as they are told to
@@ -189,6 +192,11 @@ def resimulated(
 ) -> Mapping[str, Vector]:
     """As `resimulated_once` has it, kept: for what is asked for again."""
     return resimulated_once(robot, nominal, run, backend, step=step, begun=begun)
+
+
+def each_simulated(of: Callable[[Item], Made], items: Sequence[Item], backend: str) -> list[Made]:
+    """What simulations in an engine make of each item, in their order: side by side where the engine can run so."""
+    return side_by_side(of, items) if backend_named(backend).threads else [of(item) for item in items]
 
 
 def steps_of(robot: Robot, run: Run, backend: Backend | str) -> float:

@@ -212,6 +212,7 @@ class Backend(ABC):
         scripted: What it emits runs a program by itself.
         runs: It has an engine here; a format for engines elsewhere is emitted only.
         compiles: Its emission waits for a compiler, so that it is begun before those of others.
+        threads: Several of its engines may run at a time, each in a thread of its own.
     """
 
     name: ClassVar[str]
@@ -224,6 +225,7 @@ class Backend(ABC):
     scripted: ClassVar[bool] = False
     runs: ClassVar[bool] = True
     compiles: ClassVar[bool] = False
+    threads: ClassVar[bool] = False
 
     @abstractmethod
     def version(self) -> str:
