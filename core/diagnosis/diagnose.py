@@ -55,7 +55,7 @@ from .placed import place_of
 from .polish import polished
 from .problem import Problem, problem
 from .refine import BEARING, Refined, in_one_turn, range_of, refined
-from .resimulate import residuals, resimulated
+from .resimulate import each_simulated, residuals, resimulated
 from .scores import scores
 from .search import search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
@@ -497,11 +497,12 @@ class _Diagnosing:
 
     def _left(self, runs: Sequence[Run]) -> tuple[Sequence[Mapping[str, Vector]], Sequence[Noise]]:
         """What the robot as it is known leaves of each run, and what a perfect model would."""
-        robots = [robot_of(self.database, self.level, run) for run in runs]
-        left = [
-            residuals(run, resimulated(robot, robot, run, self.backend), robot)
-            for run, robot in zip(runs, robots, strict=True)
-        ]
+
+        def apart(run: Run) -> Mapping[str, Vector]:
+            robot = robot_of(self.database, self.level, run)
+            return residuals(run, resimulated(robot, robot, run, self.backend), robot)
+
+        left = each_simulated(apart, runs, self.backend)
         return left, [noise_floor(self.database, self.level, run) for run in runs]
 
     def _next(self, state: Search, found: Sequence[Found], names: Sequence[Sequence[Alike]]) -> NextExperiment | None:

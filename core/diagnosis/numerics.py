@@ -21,7 +21,7 @@ from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise, loudest
-from .resimulate import mode_of, residuals, resimulated, resimulated_once
+from .resimulate import each_simulated, mode_of, residuals, resimulated, resimulated_once
 from .stamps import TORQUES, unshifted
 
 Vector = NDArray[np.float64]
@@ -193,15 +193,18 @@ def suspected(
         noises: Of the runs.
         least: Part that is left without one.
     """
-    left = [
-        residuals(run, resimulated(robot, robot, run, backend), robot) for robot, run in zip(robots, runs, strict=True)
-    ]
+    pairs = list(zip(robots, runs, strict=True))
+
+    def left_of_all(suspect: Suspect) -> list[dict[str, Vector]]:
+        return each_simulated(lambda pair: left_by(suspect, *pair, backend), pairs, backend)
+
+    left = [residuals(run, resimulated(robot, robot, run, backend), robot) for robot, run in pairs]
     # without a torque friction that damps may look like half of a gap
     half = HALF if all(map(tells_torque, runs)) else NUMERICAL
     worst = loudest_of(left, noises)
     best, drowned = None, None
     for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
-        changed = [left_by(suspect, robot, run, backend) for robot, run in zip(robots, runs, strict=True)]
+        changed = left_of_all(suspect)
         part = part_left(left, changed, noises)
         if part < min(least, LAGGING if suspect.lags else half):
             best, least = suspect, part
@@ -227,21 +230,21 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
     if mode_of(run) != "pd":
         return []
 
-    def left_of(suspect: Suspect) -> dict[str, Vector]:
-        return left_by(suspect, robot, run, backend)
+    def left_of(*some: Suspect) -> list[tuple[Suspect, dict[str, Vector]]]:
+        return each_simulated(lambda suspect: (suspect, left_by(suspect, robot, run, backend)), some, backend)
 
     def along(after: Mapping[str, Vector]) -> tuple[float, float]:
         return _along(whole, _in_noise(after, noise))
 
     left = residuals(run, resimulated(robot, robot, run, backend), robot)
     whole = _in_noise(left, noise)
-    tried = [(suspect, left_of(suspect)) for suspect in (_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)]
+    tried = left_of(_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)
     alone = run.n == 1 and not tells_torque(run)
     if not alone:
-        tried += [(suspect, left_of(suspect)) for suspect in (_LATE, _held_command(HELD[0]))]
+        tried += left_of(_LATE, _held_command(HELD[0]))
         if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
-            tried += [(suspect, left_of(suspect)) for suspect in map(_held_command, HELD[1:])]
+            tried += left_of(*map(_held_command, HELD[1:]))
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = along(after)

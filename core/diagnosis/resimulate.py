@@ -194,9 +194,10 @@ def resimulated(
     return resimulated_once(robot, nominal, run, backend, step=step, begun=begun)
 
 
-def each_simulated(of: Callable[[Item], Made], items: Sequence[Item], backend: str) -> list[Made]:
+def each_simulated(of: Callable[[Item], Made], items: Sequence[Item], backend: Backend | str) -> list[Made]:
     """What simulations in an engine make of each item, in their order: side by side where the engine can run so."""
-    return side_by_side(of, items) if backend_named(backend).threads else [of(item) for item in items]
+    engine = backend_named(backend) if isinstance(backend, str) else backend
+    return side_by_side(of, items) if engine.threads else [of(item) for item in items]
 
 
 def steps_of(robot: Robot, run: Run, backend: Backend | str) -> float:
