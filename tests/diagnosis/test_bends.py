@@ -72,7 +72,8 @@ def test_where_an_arm_bends_is_fitted_with_how_much(runs, exactly, monkeypatch):
 
 def test_what_rings_faster_than_a_smoothed_motion_shows_is_damped_as_its_simulation_says(runs, monkeypatch):
     monkeypatch.setattr(prepare, "follows", lambda run: False)
-    asked, fit = fit_of(runs)
+    # one run says it: what is too stiff takes millions of steps of each
+    asked, fit = fit_of(runs[:1])
     assert fit.rows["link_flexibility", 2].values["bv"] > 10.0 * DAMPING
-    better = polished(asked, "rigid", runs, fit, "mjcf")
+    better = polished(asked, "rigid", runs[:1], fit, "mjcf")
     assert better.rows["link_flexibility", 2].values["bv"] == pytest.approx(DAMPING, rel=0.5)

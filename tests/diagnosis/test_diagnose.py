@@ -77,7 +77,7 @@ def test_runs_without_any_noise_are_no_trap(against, found):
 def test_what_is_in_no_catalogue_is_not_explained():
     # a torque that grows with time, such as no effect makes
     answer = mbexport.diagnose(
-        "pendulum", runs(lambda t, q, dq: 0.8 * np.sin(11.0 * t) * t), level="rigid", backends=[]
+        "pendulum", runs(lambda t, q, dq: 0.8 * np.sin(11.0 * t) * t, duration=2.5), level="rigid", backends=[]
     )
     assert answer.verdict in ("unexplained", "partly_explained")
     assert answer.unexplained.share > 0.3
@@ -85,7 +85,7 @@ def test_what_is_in_no_catalogue_is_not_explained():
 
 def test_a_gap_in_the_held_out_run_alone_is_said_to_be_one():
     """And no cause is named that the other runs do not have."""
-    seen, (rubs,) = runs(), runs(lambda t, q, dq: 0.4 * dq, seeds=(3,))
+    seen, (rubs,) = runs(duration=2.0), runs(lambda t, q, dq: 0.4 * dq, seeds=(3,), duration=2.0)
     answer = mbexport.diagnose("pendulum", seen, [rubs], level="rigid", backends=[])
     assert (answer.verdict, answer.which) == ("unexplained", ())
     assert answer.holdout == (rubs.name,)
