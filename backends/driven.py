@@ -164,7 +164,9 @@ class DrivenEngine(Engine):
         return np.where(self.elastic, 0.0, torque - on_arm)
 
     def _not_finite(self, t: float) -> RefusedError:
-        return RefusedError(f"the motion is no longer finite at t = {t!r} s: take a smaller step or weaker gains.")
+        return RefusedError(
+            f"the motion is no longer finite at t = {float(t)!r} s: take a smaller step or weaker gains."
+        )
 
     @abstractmethod
     def _start(self, state: MachineState) -> None:

@@ -373,7 +373,8 @@ def _trace(
     if not posed or not np.isfinite(record.q).all():
         worst = int(np.argmin(np.isfinite(record.q).all(axis=1)))
         raise RefusedError(
-            f"{robot.name} in {backend.engine}: the motion is no longer finite at t = {times[worst]!r} s."
+            f"{robot.name} in {backend.engine}: the motion is no longer finite at t = {float(times[worst])!r} s: "
+            "take a smaller step or weaker gains."
         )
     joints = {
         "q_cmd": q_cmd,
