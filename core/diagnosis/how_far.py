@@ -93,8 +93,8 @@ def how_far(
             rows = rows_of([fold.found[k] for k in chosen])
             return resimulated(robot_of(database, level, run, rows), robot_of(database, level, run), run, engine)
 
-        some = [(fold, run) for fold in folds for run in fold.runs]
-        return each_simulated(lambda one: there(*one), some, engine)
+        pairs = [(fold, run) for fold in folds for run in fold.runs]
+        return each_simulated(lambda pair: there(*pair), pairs, engine)
 
     def some(chosen: Sequence[int]) -> list[Simulated] | None:
         """As simulated, None where some of the findings make a robot that no controller holds."""
