@@ -1,14 +1,16 @@
 """Numbers from simulation: what tolerances may do is taken out of them, a delay is found in another tick."""
 
 import math
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from mbexport.core import parallel
 from mbexport.core.database import load
-from mbexport.core.diagnosis import polish
+from mbexport.core.diagnosis import polish, resimulate
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.model import robot_of
@@ -19,6 +21,7 @@ from mbexport.core.diagnosis.refine import in_one_turn, refined
 from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.errors import RefusedError
+from mbexport.core.simulation import backend_named
 
 from .pendulums import FINE, pendulum_run, soft_run
 
@@ -250,3 +253,29 @@ def test_slopes_of_nearly_the_same_numbers_are_taken_once(monkeypatch):
     asks.clear()
     polished(asked, "rigid", runs, off, "mjcf", known=known)
     assert len(asks) == first - len(runs)
+
+
+def test_simulated_side_by_side_numbers_are_what_they_are_one_after_the_other(monkeypatch):
+    runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.4 * dq, duration=1.5) for seed in (1, 2)]
+    asked = problem(load("pendulum"), "rigid", runs)
+    names = ("viscous_friction", {"coefficient": 0.3}), ("rotor_inertia", {"inertia": 0.01})
+    found = [Found(effect, 1, EffectRow(1, values), 50.0) for effect, values in names]
+    fit = refined(asked, whitening(asked), found, blocks(asked.evidence))
+    went: set[str] = set()
+    simulated = resimulate.resimulated_once
+
+    def noted(*given, **options):
+        went.add(threading.current_thread().name)
+        return simulated(*given, **options)
+
+    monkeypatch.setattr(polish, "resimulated_once", noted)
+    monkeypatch.setattr(parallel, "cores", lambda: 2)
+    answers = []
+    for threads in (True, False):
+        went.clear()
+        resimulated.cache_clear()
+        monkeypatch.setattr(type(backend_named("mjcf")), "threads", threads)
+        answers.append(polished(asked, "rigid", runs, fit, "mjcf"))
+        assert any("side by side" in name for name in went) is threads
+    assert answers[0].rows == answers[1].rows
+    np.testing.assert_array_equal(answers[0].covariance, answers[1].covariance)
