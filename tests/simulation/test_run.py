@@ -1,5 +1,7 @@
 """Runs that no engine comes to the end of, and the step that others take."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.errors import RefusedError
 from mbexport.core.kinematics import dynamics
+from mbexport.core.representation import Drive, Inertia
 from mbexport.core.simulation import backend_named, backend_names, simulate
 from mbexport.core.simulation.step import largest_eigenvalue
 
@@ -40,3 +43,13 @@ def test_the_largest_eigenvalue_is_that_of_the_worst_pose(compiled):
         assert largest_eigenvalue(robot, poses=pose[None], **options) == pytest.approx(value, rel=1e-9)
     assert largest_eigenvalue(robot, poses=poses, **options) == pytest.approx(max(expected), rel=1e-9)
     assert max(expected) > 1.01 * expected[0]
+
+
+def test_a_joint_that_moves_nothing_is_refused_with_the_pose():
+    """Where the last arm weighs nothing no torque of its joint has anything to accelerate."""
+    robot = build(load("planar2r"), "compliant")
+    first, last = robot.stages
+    empty = replace(last, arm=replace(last.arm, inertia=Inertia()), drive=Drive(damping=0.1))
+    poses = np.array([[0.25, 0.5], [0.0, 0.0]])
+    with pytest.raises(RefusedError, match=r"moves no inertia at all at q = \[0\.25, 0\.5\]"):
+        largest_eigenvalue(replace(robot, stages=(first, empty)), imposed=False, poses=poses, bristles=True)
