@@ -36,8 +36,8 @@ class Control:
         rate: Ticks a second [Hz]; the torque is held between them.
         torque_limit: Cut of the controller's torque [N m or N], one a joint; () is none.
         every: The command that it follows changes at every so many ticks only. No log says so: it is suspected.
-        differenced: Its speeds are differences of positions over so many ticks, half of them late; 0: as measured.
-            Suspected, too.
+        differenced: Its speeds are differences of positions over so many ticks, half of them late, or part of the way
+            there from those that are measured; 0: as measured. Suspected, too.
         held: For how long a controller that is unknown holds the torque that is recorded [s]; 0: not at all.
     """
 
@@ -48,7 +48,7 @@ class Control:
     rate: float = DEFAULT_RATE
     torque_limit: tuple[float, ...] = ()
     every: int = 1
-    differenced: int = 0
+    differenced: float = 0.0
     held: float = 0.0
 
     def commanded_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -67,6 +67,7 @@ class Controller:
         # both limits cut alike on either side, so the smaller one does; the delay between them changes no value
         limit = np.array(control.torque_limit or [math.inf] * n)
         highest: Vector = np.minimum(limit, [stage.drive.torque_limit for stage in robot.stages])
+        differenced = math.ceil(control.differenced)
         self._table = PdTable(
             q_cmd=np.ascontiguousarray(q_cmd),
             dq_cmd=np.ascontiguousarray(dq_cmd),
@@ -76,9 +77,10 @@ class Controller:
             lowest=-highest,
             highest=highest,
             limited=bool(np.isfinite(highest).any()),
-            differenced=control.differenced,
+            differenced=differenced,
+            blend=control.differenced / max(differenced, 1),
             rate=float(control.rate),
-            seen=np.zeros((count if control.differenced else 0, n)),
+            seen=np.zeros((count if differenced else 0, n)),
             torques=np.zeros((count, n)),
             part=np.zeros(n),
         )

@@ -17,6 +17,7 @@ class PdTable(NamedTuple):
         lowest, highest: What the torque is cut to, shape (n,).
         limited: Something cuts it.
         differenced: Speeds are differences of positions over that many ticks; 0: they are reported.
+        blend: Part of the way that they are so, from those that are reported, 0 to 1.
         rate: Of the ticks [Hz].
         seen: Positions of the ticks before, where speeds are differences of them, shape (m or 0, n).
         torques: Out: of each tick, shape (m, n).
@@ -32,6 +33,7 @@ class PdTable(NamedTuple):
     highest: Any
     limited: bool
     differenced: int
+    blend: float
     rate: float
     seen: Any
     torques: Any
@@ -50,7 +52,7 @@ def speed(table: PdTable, k: int, q: Any, dq: Any) -> Any:
         table.seen[k] = q
         ticks = min(k, table.differenced)
         if ticks > 0:
-            return table.rate / ticks * (q - table.seen[k - ticks])
+            return dq + table.blend * (table.rate / ticks * (q - table.seen[k - ticks]) - dq)
     return dq
 
 

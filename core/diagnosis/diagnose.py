@@ -47,8 +47,8 @@ from .judge import Judge
 from .model import Rows, level_rows, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
-from .nuisances import Whitening, whitening
-from .numerics import NUMERICAL, Suspect, loudest_of, numerics, part_left, suspected
+from .nuisances import SPEED_IS_LATE, Whitening, whitening
+from .numerics import NUMERICAL, Suspect, late_beside, loudest_of, numerics, part_left, suspected
 from .other_form import contradicted, other_form
 from .other_laws import straightened
 from .placed import place_of
@@ -226,19 +226,28 @@ class _Diagnosing:
         said = SEEN_APART.format(why=why)
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
-    def _of(self, runs: Sequence[Run], holdout: Sequence[Run], *, cut: Collection[str] = ()) -> tuple[Diagnosis, str]:
+    def _of(
+        self,
+        runs: Sequence[Run],
+        holdout: Sequence[Run],
+        *,
+        cut: Collection[str] = (),
+        beside: Suspect | None = None,
+    ) -> tuple[Diagnosis, str]:
         """The answer of runs, and why held-out ones should be fitted in parts; "" if that is vain.
 
         Args:
             runs: To fit.
             holdout: To judge by.
             cut: Names of those that are cut in time once they are put right; a single run always is.
+            beside: What is no physics and stands beside effects: it is put right first.
         """
         given = known_together([*runs, *holdout])
-        notes: list[str] = []
+        notes: list[str] = [beside.beside_said(run) for run in given] if beside else []
+        given = [beside.change(run) for run in given] if beside else given
         righted, before, numerical = self._ready(given, notes)
-        cut = cut or [run.name for run in given if len(given) == 1]
-        ready = [part for run in righted for part in (in_parts(run) if run.name in cut else (run,))]
+        to_cut = cut or [run.name for run in given if len(given) == 1]
+        ready = [part for run in righted for part in (in_parts(run) if run.name in to_cut else (run,))]
         self.tell("what noise and tolerances may do")
         whole = problem(self.database, self.level, ready)
         whiten = whitening(whole)
@@ -254,7 +263,12 @@ class _Diagnosing:
         loud = before.chance < LEVEL and (fitted.chance < HARDLY or shows(state.left, parts))
         if judge.by_bands:
             loud = shows_in_band(state.left, parts)
-        state, judge, held = self._found(state, judge, looking=numerical == "none" and loud and len(state.left) > 0)
+        looking = numerical == "none" and loud and len(state.left) > 0
+        if looking:
+            state = search(state, self._found_so_far)
+            if beside is None and (late := self._late_beside(state, [ready[k] for k in fitted_on])):
+                return self._of(runs, holdout, cut=cut, beside=late)
+        state, judge, held = self._found(state, judge, looking=looking)
         heard, heard_whiten = judge.whole, judge.whiten
         held, fit, names = self._named(state, judge, held)
         while fit is not None:
@@ -353,9 +367,8 @@ class _Diagnosing:
         return changed, after, kind
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Judge, Held]:
-        """The search's end, what judged it, and what of its findings holds."""
+        """The search gone on to its end, what judged it, and what of its findings holds."""
         if looking:
-            state = search(state, self._found_so_far)
             state, judge = self._heard(state, judge)
         held, begun = judge.held(state.found), state
         # what holds on the runs that were fitted alone may stand in the way of what holds everywhere; and what bends
@@ -490,6 +503,15 @@ class _Diagnosing:
         robots = [robot_of(self.database, self.level, run) for run in runs]
         left, noises = self._left(runs)
         return suspected(robots, runs, self.backend, noises, part_left(left, self._left(ready)[0], noises))
+
+    def _late_beside(self, state: Search, runs: Sequence[Run]) -> Suspect | None:
+        """Speeds of a controller that are late beside what was found, so that they would go for some of it."""
+        rows = rows_of(state.found)
+        late = state.whiten.amounts(state.problem.misfit(rows)).get(SPEED_IS_LATE, 0.0)
+        robots = [robot_of(self.database, self.level, run, rows) for run in runs]
+        nominals = [robot_of(self.database, self.level, run) for run in runs]
+        noises = [noise_floor(self.database, self.level, run) for run in runs]
+        return late_beside(robots, nominals, runs, self.backend, noises, late)
 
     def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""

@@ -50,7 +50,7 @@ from .problem import Problem, problem
 from .refine import PLAY, Refined, refined, vanished
 from .resimulate import free_arms, mode_of, residuals, resimulated, steps_of
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
-from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits
+from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits, worth_by
 from .words import listed
 
 Vector = NDArray[np.float64]
@@ -121,7 +121,7 @@ class Judge:
         numbers: tuple[Refined, ...] = ()
         tries = TRIES
         while idle is not None:
-            better = False
+            better, gains = False, None
             if tries and not numbers and (numbers := self.numbers(found, unseen, far=True)):
                 # right names may come with numbers that simulated do harm
                 tries -= 1
@@ -131,18 +131,30 @@ class Judge:
                     better = (closer[0].shrinks_by or 0.0) > (how_far.shrinks_by or 0.0)
                     if better:
                         unseen, (how_far, overlays, after) = other, closer
+                        gains = self._by_these(found, unseen, idle)
             if not better:
                 dropped = (*dropped, Rejected(idle.effect, idle.place, GONE))
                 found, unseen, more = self._tame([item for item in found if item is not idle])
                 dropped, numbers = (*dropped, *more), ()
                 how_far, overlays, after = self._how_far(found, unseen)
-            idle = self._idle(found, unseen, how_far)
+            idle = self._idle(found, unseen, how_far, gains)
         numbers = numbers if found and unseen.rows == rows_of_splits(found, numbers) else ()
         if not found:
             # nor may what simulation alone speaks against stand in the way of what it does not
             failed |= {(item.effect, item.at) for item in dropped if item.why == GONE}
         held = Held(tuple(found), unseen, dropped, failed, how_far, overlays, after, numbers, self.by_bands)
         return self._closed(held, _small(findings, dropped))
+
+    def _by_these(self, found: Sequence[Found], unseen: Unseen, item: Found) -> tuple[float, ...]:
+        """Gains of findings, that of one by the numbers that stand there, where that is less.
+
+        What simulation spoke against by the evidence's numbers has that evidence by no others.
+        """
+        k = next(k for k, other in enumerate(found) if other is item)
+        if unseen.numbers_beyond and unseen.numbers_beyond[k]:
+            return unseen.gains
+        worth = worth_by(self.whole, self.whiten, found, self.ways, unseen.rows, k)
+        return tuple(min(gain, worth) if j == k else gain for j, gain in enumerate(unseen.gains))
 
     def _tame(self, findings: Sequence[Found]) -> tuple[list[Found], Unseen, tuple[Rejected, ...]]:
         """What helps on runs that no fit saw and can be simulated there, its worth, and what was dropped."""
@@ -178,9 +190,11 @@ class Judge:
         """Keys of what gives before clamped outputs, without which nothing could move there."""
         return {item.key for item in found if gives_alone(self.whole, found, item)}
 
-    def _idle(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> Found | None:
-        """The finding that does not help simulation, of those that simulation judges."""
-        return _least_helpful(found, unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))
+    def _idle(
+        self, found: Sequence[Found], unseen: Unseen, how_far: HowFar, gains: Sequence[float] | None = None
+    ) -> Found | None:
+        """The finding that does not help simulation, of those that simulation judges; gains other than the unseen's."""
+        return _least_helpful(found, gains or unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))
 
     def _kept_anyway(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.

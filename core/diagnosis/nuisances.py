@@ -24,7 +24,9 @@ Vector = NDArray[np.float64]
 # that is a whole tick late is not to be taken for it
 HOLD = 0.15
 STAMPS_OF_TAU = "stamps of tau"
-_NAMES = {"hold": "hold of the torque", "speed": "tick of the controller's speed"}
+# in units of half a tick
+SPEED_IS_LATE = "tick of the controller's speed"
+_NAMES = {"hold": "hold of the torque", "speed": SPEED_IS_LATE}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

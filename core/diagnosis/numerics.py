@@ -11,10 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import RefusedError
 from ..expansion import expanded
 from ..recording import Run
 from ..representation import Robot
@@ -25,6 +27,7 @@ from .resimulate import each_simulated, mode_of, residuals, resimulated, resimul
 from .stamps import TORQUES, unshifted
 
 Vector = NDArray[np.float64]
+Left = TypeVar("Left")
 
 # a controller that ticks so much faster is nearly a continuous one
 FASTER = 8
@@ -37,6 +40,10 @@ SEEN = 3.0
 ABOUT, JUST = 0.5, 0.2
 # of a gap's energy along a command that is held for two ticks, what makes it worth to ask for how many it is
 HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
+# how late speeds may be, as differences over so many ticks, and how often that is asked anew
+LATEST, CLOSER = 20.0, 3
+# less late than that is on time, and so near to how late they are is near enough
+LEAST_LATE, NEAR = 0.01, 0.02
 # part of a gap's energy that is left where it was no physics, and where half of it was
 NUMERICAL, HALF = 0.1, 0.5
 # the same where friction lags alike; a record may even show a held command's ripple as the torque of one
@@ -96,9 +103,12 @@ def without_hold(run: Run) -> Run:
     return replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
 
 
-def with_differences(run: Run) -> Run:
-    """The run of a controller that takes differences of positions for speeds; those recorded are put right."""
-    return replace(_with_speeds_in_time(run), control=replace(run.control, differenced=1))
+def with_differences(run: Run, ticks: float = 1.0) -> Run:
+    """The run of a controller whose speeds are as late as differences of positions over so many of its ticks are.
+
+    Those recorded are put right.
+    """
+    return replace(_with_speeds_in_time(run, ticks), control=replace(run.control, differenced=ticks))
 
 
 def with_coarse_steps(run: Run) -> Run:
@@ -107,8 +117,8 @@ def with_coarse_steps(run: Run) -> Run:
     return replace(_with_speeds_in_time(run), control=control)
 
 
-def _with_speeds_in_time(run: Run) -> Run:
-    return unshifted(run, 0.5 / run.control.rate, ("dq",))
+def _with_speeds_in_time(run: Run, ticks: float = 1.0) -> Run:
+    return unshifted(run, 0.5 * ticks / run.control.rate, ("dq",))
 
 
 def with_held_command(run: Run, ticks: int) -> Run:
@@ -126,6 +136,7 @@ class Suspect:
         exact: What is left then is no part of it.
         lags: It makes all that was measured come later, as friction does at one joint.
         everywhere: It acts in every joint alike.
+        fitted: How much of it there is was chosen, so that it has to leave next to nothing.
     """
 
     name: str
@@ -133,6 +144,7 @@ class Suspect:
     exact: bool = False
     lags: bool = False
     everywhere: bool = False
+    fitted: bool = False
 
     def said(self, run: Run) -> str:
         """A sentence on a gap that goes with it."""
@@ -144,6 +156,10 @@ class Suspect:
             f"More than half of the gap in {run.name}, or of most joints' own, is that of {self.name}. That is "
             "numerics: no effect is looked for before it is put right."
         )
+
+    def beside_said(self, run: Run) -> str:
+        """A sentence on what goes with it beside effects, and was put right before these were looked for again."""
+        return f"What effects leave of {run.name} is that of {self.name}: it was put right first. That is numerics."
 
 
 _NO_HOLD = Suspect(
@@ -162,6 +178,15 @@ def _held_command(ticks: int) -> Suspect:
         f"a controller whose command changes at every {ticks} ticks only",
         lambda run: with_held_command(run, ticks),
         lags=True,
+    )
+
+
+def _late_speeds(ticks: float) -> Suspect:
+    return Suspect(
+        f"a controller whose speeds are {0.5 * ticks:.2g} ticks late, as those of a filter or of an integrator of "
+        f"first order with steps of {ticks:.2g} ticks are",
+        lambda run: with_differences(run, ticks),
+        fitted=True,
     )
 
 
@@ -206,7 +231,7 @@ def suspected(
     for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
         changed = left_of_all(suspect)
         part = part_left(left, changed, noises)
-        if part < min(least, LAGGING if suspect.lags else half):
+        if part < min(least, LAGGING if suspect.lags else NUMERICAL if suspect.fitted else half):
             best, least = suspect, part
         if drowned is None and suspect.everywhere and _in_most_joints(left, changed, noises):
             drowned = suspect
@@ -245,6 +270,10 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
         if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
             tried += left_of(*map(_held_command, HELD[1:]))
+    share, ticks = along(tried[1][1])
+    if run.n > 1 and tells_torque(run) and share > WORTH:
+        late = _as_late_as_they_are(lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
+        tried += [(_late_speeds(late[0]), late[1])] if late else []
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = along(after)
@@ -252,6 +281,73 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
         if much or (suspect.everywhere and _in_most_joints([left], [after], [noise])):
             likely.append((float(np.sum(_in_noise(after, noise) ** 2)), suspect))
     return [suspect for _, suspect in sorted(likely, key=lambda one: one[0])]
+
+
+def _as_late_as_they_are(
+    left_of: Callable[[Suspect], Left], along: Callable[[Left], tuple[float, float]], ticks: float, tries: int = CLOSER
+) -> tuple[float, Left] | None:
+    """How late speeds are, as differences over so many ticks, and what they leave; None where the gap is not theirs.
+
+    Args:
+        left_of: What a suspect leaves.
+        along: Part of the gap that lies along what changes where so much is left, and how much of that.
+        ticks: A guess.
+        tries: How often it may be mended.
+    """
+    after = left_of(_late_speeds(ticks))
+    share, amount = along(after)
+    if not share > WORTH:
+        return None
+    if tries == 1 or abs(amount - 1.0) < NEAR:
+        return ticks, after
+    return _as_late_as_they_are(left_of, along, min(ticks * amount, LATEST), tries - 1)
+
+
+def late_beside(
+    robots: Sequence[Robot],
+    nominals: Sequence[Robot],
+    runs: Sequence[Run],
+    backend: Backend | str,
+    noises: Sequence[Noise],
+    ticks: float,
+) -> Suspect | None:
+    """Speeds that are late beside effects, as the measured motion says, where that is most of what simulation leaves.
+
+    Args:
+        robots: With what was found, one a run.
+        nominals: As known, one a run.
+        runs: What was measured.
+        backend: The engine.
+        noises: Of the runs.
+        ticks: How late along the measured motion, as differences over so many ticks.
+    """
+    if not LEAST_LATE < ticks < LATEST or not all(run.n > 1 and mode_of(run) == "pd" for run in runs):
+        return None
+    triples = list(zip(robots, nominals, runs, strict=True))
+
+    def left_of(suspect: Suspect | None) -> list[dict[str, Vector]]:
+        def left(one: tuple[Robot, Robot, Run]) -> dict[str, Vector]:
+            robot, nominal, run = one
+            other = suspect.change(run) if suspect else run
+            return residuals(other, resimulated(robot, nominal, other, backend, begun=run), robot)
+
+        return each_simulated(left, triples, backend)
+
+    try:
+        before = left_of(None)
+        worst = loudest_of(before, noises)
+        whole = _in_noise(before[worst], noises[worst])
+        if not _loudness(whole) > CLEARLY * np.sqrt(2.0 * len(whole)):
+            return None
+        found = _as_late_as_they_are(
+            left_of, lambda after: _along(whole, _in_noise(after[worst], noises[worst])), ticks
+        )
+    except RefusedError:
+        return None
+    # what is said along the motion and what simulation says must be the same
+    if found is None or abs(found[0] / ticks - 1.0) > ABOUT or part_left(before, found[1], noises) > HALF:
+        return None
+    return _late_speeds(found[0])
 
 
 def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:

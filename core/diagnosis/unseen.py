@@ -183,6 +183,34 @@ def judged(problem: Problem, whiten: Whitening, found: Sequence[Found], ways: Se
     )
 
 
+def worth_by(
+    problem: Problem,
+    whiten: Whitening,
+    found: Sequence[Found],
+    ways: Sequence[Split],
+    rows: Sequence[Sequence[EffectRow]],
+    k: int,
+) -> float:
+    """Log evidence that one finding earns on unseen runs by other numbers than the evidence's own.
+
+    Args:
+        problem: All runs.
+        whiten: Nuisances of all runs.
+        found: Findings.
+        ways: The splits.
+        rows: For each split, the findings' rows.
+        k: Which finding.
+    """
+    others = [item for j, item in enumerate(found) if j != k]
+    gain = 0.0
+    for way, there in zip(ways, rows, strict=True):
+        seen, unseen = _Part.of(problem, whiten, way.seen), _Part.of(problem, whiten, way.unseen)
+        left = unseen.left([replace(item, row=row) for item, row in zip(found, there, strict=True)])
+        rest = unseen.left(_with(others, seen.fit(others).rows) if others else [])
+        gain += gained(rest, left, spread(left, unseen.parts), unseen.parts)
+    return gain
+
+
 @dataclass(frozen=True, slots=True)
 class Bent:
     """What other forms of the findings' laws make of what these leave where no fit saw it.

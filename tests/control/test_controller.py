@@ -132,17 +132,19 @@ def test_a_command_that_is_held_changes_at_every_few_ticks() -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("ticks", [1, 4])
-def test_speeds_as_differences_of_positions(ticks: int) -> None:
-    """Of a position that grows with t^2 they are the speed half of these ticks ago."""
+@pytest.mark.parametrize("ticks", [0.1, 1, 2.5, 4])
+def test_speeds_as_differences_of_positions(ticks: float) -> None:
+    """Of a position that grows with t^2 they are the speed half of these ticks ago, also of parts of a tick."""
     plant = robot()
     controller = Controller(plant, plant, pd(differenced=ticks), law(), 0.5)
     t = controller.tick_times
     growing = np.column_stack([t**2, -3.0 * t**2])
-    got = ticked(controller, growing, np.zeros_like(growing))
-    seen = np.array([2.0, -6.0]) * (t[:, None] - 0.5 * ticks / 200.0)
+    accelerations = np.array([2.0, -6.0])
+    got = ticked(controller, growing, accelerations * t[:, None])
+    seen = accelerations * (t[:, None] - 0.5 * ticks / 200.0)
     q_cmd, dq_cmd, _ = law().at(t)
     expected = KP * (q_cmd - growing) + KD * (dq_cmd - seen)
-    np.testing.assert_allclose(got[ticks:], expected[ticks:], rtol=1e-9)
+    begun = math.ceil(ticks)
+    np.testing.assert_allclose(got[begun:], expected[begun:], rtol=1e-9)
     # a run's first tick has nothing before it
     np.testing.assert_allclose(got[0], KD * dq_cmd[0] + KP * q_cmd[0], rtol=1e-12)

@@ -11,6 +11,7 @@ from pendulums import INERTIA, KD, KP, NOISE, WEIGHT, command, friction_free, pe
 from scipy.interpolate import CubicSpline
 
 import mbexport
+from mbexport.core.build import assembled
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis.inverse import said
@@ -19,6 +20,7 @@ from mbexport.core.diagnosis.noise import Noise, noise_floor
 from mbexport.core.diagnosis.numerics import (
     NUMERICAL,
     _in_most_joints,
+    late_beside,
     left_by,
     numerics,
     part_left,
@@ -29,8 +31,12 @@ from mbexport.core.diagnosis.numerics import (
 from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
+from mbexport.core.effects import EffectRow
+from mbexport.core.motion import from_table
+from mbexport.core.recording import Run
+from mbexport.core.simulation import simulate
 
-DATABASE = load("pendulum")
+DATABASE, PLANAR = load("pendulum"), load("planar2r")
 
 
 def shift_in(run):
@@ -306,6 +312,54 @@ def test_what_such_a_controller_asks_for_is_known_along_the_motion(more, change)
 
     assert misses(run) < 1e-3
     assert misses(replace(run, control=Control("pd", (KP,), (KD,)))) > 0.01
+
+
+def planar_run(engine, rows=None, seed=1):
+    """A run of two joints that another engine made, with what a database does not know."""
+    t = np.arange(751) / 250.0
+    law = from_table(t, np.array([0.6, -0.5]) * (1.0 - np.cos(np.outer(t, [2.1 + 0.3 * seed, 3.3]))))
+    control = Control("pd", (900.0, 250.0), (40.0, 12.0), "inverse_dynamics", 1000.0)
+    plant, nominal = assembled(PLANAR, rows or {}), assembled(PLANAR, {})
+    trace = simulate(plant, engine, law, control=control, nominal=nominal, rate=250.0)
+    noise = {"q": np.full(2, 2e-6), "dq": np.full(2, 2e-4), "tau": np.full(2, 0.005)}
+    random = np.random.default_rng(seed)
+    q_cmd, dq_cmd, _ = law.at(trace.t)
+    signals = {name: trace.joints[name] + noise[name] * random.normal(size=q_cmd.shape) for name in noise}
+    signals |= {"q_cmd": q_cmd, "dq_cmd": dq_cmd}
+    return Run(f"run {seed}", trace.t, signals, control, noise, (), {}, "", (), 250.0)
+
+
+def test_an_integrator_of_first_order_with_several_steps_a_tick_is_no_effect():
+    """PyBullet's: the speeds that its controller sees are half a step late."""
+    runs = [planar_run("pybullet", seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose("planar2r", runs, level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("no_gap", ())
+    assert any("0.05 ticks late" in note and "no effect" in note for note in answer.notes), answer.notes
+
+
+@pytest.mark.parametrize(
+    ("effect", "joint", "name", "value"),
+    [("rotor_inertia", 1, "inertia", 0.01), ("viscous_friction", 2, "coefficient", 0.05)],
+)
+def test_what_stands_beside_speeds_that_are_late_has_its_own_number(effect, joint, name, value):
+    """They look like kd times half a step of a rotor, a fifth of the one that is there: it would go for less."""
+    row = EffectRow(joint, {name: value})
+    runs = [planar_run("pybullet", {effect: (row,)}, seed=seed) for seed in (1, 2)]
+    answer = mbexport.diagnose("planar2r", runs, level="rigid", backends=[])
+    (found,) = answer.which
+    assert (found.effect, found.at) == (effect, f"joint_{joint}")
+    low, high = found.parameters[name].ci95
+    assert low < value < high
+    assert found.parameters[name].value == pytest.approx(value, rel=0.02)
+    assert any("0.05 ticks late" in note and "put right first" in note for note in answer.notes), answer.notes
+
+
+def test_physics_of_two_joints_is_no_speed_that_is_late():
+    """As another engine makes it, that is of fourth order."""
+    run = planar_run("exudyn", {"rotor_inertia": (EffectRow(1, {"inertia": 0.01}),)})
+    robot, noise = robot_of(PLANAR, "rigid", run), noise_floor(PLANAR, "rigid", run)
+    assert suspects(robot, run, "mjcf", noise) == []
+    assert late_beside([robot], [robot], [run], "mjcf", [noise], 0.1) is None
 
 
 def test_what_is_put_back_has_holes_where_nothing_was_measured():
