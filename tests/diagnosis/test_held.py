@@ -13,10 +13,11 @@ from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.forms import beyond_forms
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.held import CRUMB, GONE, MOST_LEFT, OTHER_LAW, TOO_FAST, WILD, Held
+from mbexport.core.diagnosis.how_far import name_of
 from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.unseen import EARNS, Split, Unseen, judged, splits
+from mbexport.core.diagnosis.unseen import EARNS, Split, Unseen, judged, splits, worth_by
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError
 
@@ -347,3 +348,43 @@ def test_a_number_that_stayed_where_it_began_has_not_been_judged():
     assert worth.gains[0] < EARNS
     (there,) = judged(judge.whole, judge.whiten, [RUBS], [loud]).gains
     assert there > 100.0
+
+
+def test_evidence_is_that_of_the_numbers_that_stand():
+    judge = judge_of(1)
+    loud = [Split((1,), (0,)), Split((0,), (0,))]
+    fitted = judged(judge.whole, judge.whiten, [RUBS], loud)
+
+    def worth(scale):
+        rows = [
+            tuple(EffectRow(1, {"coefficient": scale * row.values["coefficient"]}) for row in there)
+            for there in fitted.rows
+        ]
+        return worth_by(judge.whole, judge.whiten, [RUBS], loud, rows, 0)
+
+    assert worth(1.0) == pytest.approx(sum(judged(judge.whole, judge.whiten, [RUBS], [way]).gains[0] for way in loud))
+    assert worth(1e-4) == pytest.approx(0.0, abs=0.1)
+    assert worth(2.1) < 0.0 < worth(1.9)
+
+
+@pytest.mark.parametrize(("worth", "kept"), [(900.0, True), (3.0, False)])
+def test_what_simulation_gave_other_numbers_has_the_evidence_of_these(monkeypatch, worth, kept):
+    """By the evidence's own it did harm, and by the others it does neither harm nor good."""
+    harms, idles = (HowFar({}, {}, {}, by, (by - 0.001, by + 0.001), {}, without={}) for by in (0.95, 0.99))
+    harms, idles = (replace(far, without={name_of(RUBS): 0.9901}) for far in (harms, idles))
+    evidence, simulated = EffectRow(1, {"coefficient": 0.4}), EffectRow(1, {"coefficient": 1e-6})
+    unseen = Unseen((60.0,), (9.0,), (1.0,), (1.0,), ((evidence,),))
+    fit = SimpleNamespace(rows={RUBS.key: simulated})
+    asked = question()
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0)[:1], [])
+    monkeypatch.setattr(Judge, "by_bands", False)
+    monkeypatch.setattr(Judge, "_tame", lambda self, some: (list(some), unseen, ()))
+    monkeypatch.setattr(Judge, "_kept_anyway", lambda *_: set())
+    monkeypatch.setattr(Judge, "numbers", lambda *_, **__: (fit,))
+    monkeypatch.setattr(
+        Judge, "_how_far", lambda self, found, by, *_: (idles if by.rows == ((simulated,),) else harms, (), None)
+    )
+    monkeypatch.setattr(judging, "worth_by", lambda *_: worth)
+    held = judge.held([RUBS])
+    assert bool(held.found) == kept
+    assert held.dropped == (() if kept else (Rejected("viscous_friction", "joint_1", GONE),))
