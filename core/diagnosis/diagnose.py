@@ -143,6 +143,8 @@ FEWEST_ROWS, SHORTEST_RUN = 50, 0.5
 SHOWN = 2
 # how often noise is worked out anew from what was found
 HEARD = 2
+# standard errors above none at which the measured motion says that speeds are late
+SURELY = 5.0
 # how often findings take the names that hold best
 MOST_RENAMED = 2
 
@@ -505,13 +507,22 @@ class _Diagnosing:
         return suspected(robots, runs, self.backend, noises, part_left(left, self._left(ready)[0], noises))
 
     def _late_beside(self, state: Search, runs: Sequence[Run]) -> Suspect | None:
-        """Speeds of a controller that are late beside what was found, so that they would go for some of it."""
-        rows = rows_of(state.found)
-        late = state.whiten.amounts(state.problem.misfit(rows)).get(SPEED_IS_LATE, 0.0)
-        robots = [robot_of(self.database, self.level, run, rows) for run in runs]
+        """Speeds of a controller that are late beside what was found, so that they would go for some of it.
+
+        The largest findings are asked first: what was found last may go for them already.
+        """
+        found = sorted(state.found, key=lambda item: -item.gain)
+        sure = SURELY * state.whiten.unsure().get(SPEED_IS_LATE, 1.0)
         nominals = [robot_of(self.database, self.level, run) for run in runs]
         noises = [noise_floor(self.database, self.level, run) for run in runs]
-        return late_beside(robots, nominals, runs, self.backend, noises, late)
+        for count in range(1, len(found) + 1):
+            rows = rows_of(found[:count])
+            late = state.whiten.amounts(state.problem.misfit(rows)).get(SPEED_IS_LATE, 0.0)
+            if late > sure:
+                robots = [robot_of(self.database, self.level, run, rows) for run in runs]
+                if suspect := late_beside(robots, nominals, runs, self.backend, noises, late):
+                    return suspect
+        return None
 
     def _gap(self, runs: Sequence[Run]) -> Gap:
         """The gap of the robot as it is known."""

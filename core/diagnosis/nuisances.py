@@ -73,6 +73,11 @@ class Whitening:
         found = np.linalg.lstsq(stacked, np.concatenate([-values, np.zeros(k)]), rcond=None)[0]
         return dict(zip(self.names, found.tolist(), strict=True))
 
+    def unsure(self) -> dict[str, float]:
+        """How many standard deviations of each nuisance its amount may be off by, one standard error."""
+        gram = self.columns.T @ self.columns + np.eye(len(self.names))
+        return dict(zip(self.names, np.sqrt(np.diagonal(np.linalg.inv(gram))).tolist(), strict=True))
+
 
 def whitening(problem: Problem) -> Whitening:
     """The nuisances of a problem."""

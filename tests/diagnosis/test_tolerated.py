@@ -10,7 +10,7 @@ from mbexport.core.control import Control
 from mbexport.core.database import Tolerance, load
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.nuisances import whitening
+from mbexport.core.diagnosis.nuisances import Whitening, whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.tolerated import with_tolerances
@@ -76,3 +76,16 @@ def test_a_spring_that_rings_is_known_no_better_than_what_it_moves():
     assert known < 0.1 * HEAVIER
     assert told == pytest.approx(HEAVIER, rel=0.1)
     assert with_tolerances(asked, whiten, fit, parts, ("payload",)) is fit
+
+
+def test_amounts_of_nuisances_scatter_as_they_are_said_to():
+    """By drawing amounts and noise anew: what is found differs from what was drawn by one standard error."""
+    random = np.random.default_rng(3)
+    columns = np.column_stack([3.0 * random.normal(size=50), random.normal(size=50), 0.05 * random.normal(size=50)])
+    whiten = Whitening(np.zeros((50, 0)), np.zeros(0), ("loud", "plain", "silent"), columns)
+    drawn = random.normal(size=(2000, 3))
+    found = [whiten.amounts(random.normal(size=50) - columns @ one) for one in drawn]
+    off = np.array([list(one.values()) for one in found]) - drawn
+    said = whiten.unsure()
+    assert list(said) == list(whiten.names)
+    np.testing.assert_allclose(np.std(off, axis=0), list(said.values()), rtol=0.06)
