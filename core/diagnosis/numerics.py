@@ -44,6 +44,8 @@ HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 LATEST, CLOSER = 20.0, 3
 # less late than that is on time, and so near to how late they are is near enough
 LEAST_LATE, NEAR = 0.01, 0.02
+# log evidence by which late speeds must be the likelier cause than a rotor
+PLAINLY = 10.0
 # part of a gap's energy that is left where it was no physics, and where half of it was
 NUMERICAL, HALF = 0.1, 0.5
 # the same where friction lags alike; a record may even show a held command's ripple as the torque of one
@@ -271,9 +273,10 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
             # a command is late by half of what it is held, and how long that is nobody said
             tried += left_of(*map(_held_command, HELD[1:]))
     share, ticks = along(tried[1][1])
-    if run.n > 1 and tells_torque(run) and share > WORTH:
+    if share > WORTH and tells_torque(run):
         late = _as_late_as_they_are(lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
-        tried += [(_late_speeds(late[0]), late[1])] if late else []
+        if late and not _rather_a_rotor(robot, robot, run, backend, noise, left, late):
+            tried.append((_late_speeds(late[0]), late[1]))
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = along(after)
@@ -321,7 +324,7 @@ def late_beside(
         noises: Of the runs.
         ticks: How late along the measured motion, as differences over so many ticks.
     """
-    if not LEAST_LATE < ticks < LATEST or not all(run.n > 1 and mode_of(run) == "pd" for run in runs):
+    if not LEAST_LATE < ticks < LATEST or any(mode_of(run) != "pd" for run in runs):
         return None
     triples = list(zip(robots, nominals, runs, strict=True))
 
@@ -336,18 +339,54 @@ def late_beside(
     try:
         before = left_of(None)
         worst = loudest_of(before, noises)
-        whole = _in_noise(before[worst], noises[worst])
+        noise = noises[worst]
+        whole = _in_noise(before[worst], noise)
         if not _loudness(whole) > CLEARLY * np.sqrt(2.0 * len(whole)):
             return None
-        found = _as_late_as_they_are(
-            left_of, lambda after: _along(whole, _in_noise(after[worst], noises[worst])), ticks
-        )
+        found = _as_late_as_they_are(left_of, lambda after: _along(whole, _in_noise(after[worst], noise)), ticks)
+        # what is said along the motion and what simulation says must be the same
+        if found is None or abs(found[0] / ticks - 1.0) > ABOUT or part_left(before, found[1], noises) > HALF:
+            return None
+        late = found[0], found[1][worst]
+        if _rather_a_rotor(*triples[worst], backend, noise, before[worst], late):
+            return None
     except RefusedError:
         return None
-    # what is said along the motion and what simulation says must be the same
-    if found is None or abs(found[0] / ticks - 1.0) > ABOUT or part_left(before, found[1], noises) > HALF:
-        return None
     return _late_speeds(found[0])
+
+
+def _rather_a_rotor(
+    robot: Robot,
+    nominal: Robot,
+    run: Run,
+    backend: Backend | str,
+    noise: Noise,
+    left: Mapping[str, Vector],
+    late: tuple[float, Mapping[str, Vector]],
+) -> bool:
+    """Whether the gap may as well be the rotor's inertia, at the loudest joint, that looks so late in positions.
+
+    Its torque tells it from late speeds, and so do joints that are late as well; where neither shows, it is a rotor.
+
+    Args:
+        robot: What the run is compared with.
+        nominal: As known.
+        run: What was measured.
+        backend: The engine.
+        noise: Of the run.
+        left: What the robot leaves.
+        late: How late speeds are, as differences over so many ticks, and what they leave.
+    """
+    ticks, after = late
+    loud = [_loudness(_of_joint([left], [noise], joint)) for joint in range(run.n)]
+    joint = int(np.argmax(loud))
+    inertia = -0.5 * ticks / run.control.rate * run.control.kd[joint]
+    stage = robot.stages[joint]
+    drive = replace(stage.drive, inertia=stage.drive.inertia + inertia)
+    stages = (*robot.stages[:joint], replace(stage, drive=drive), *robot.stages[joint + 1 :])
+    rival = residuals(run, resimulated(replace(robot, stages=stages), nominal, run, backend), robot)
+    by_rotor, by_late = (float(np.sum(_in_noise(one, noise) ** 2)) for one in (rival, after))
+    return by_late > by_rotor - 2.0 * PLAINLY
 
 
 def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:
@@ -379,24 +418,25 @@ def _in_most_joints(
     before: Sequence[Mapping[str, Vector]], after: Sequence[Mapping[str, Vector]], noises: Sequence[Noise]
 ) -> bool:
     """Whether most joints with a gap, three or more, have the one that a suspect makes, each by its own channels."""
-
-    def own(left: Sequence[Mapping[str, Vector]], joint: int) -> Vector:
-        parts = [
-            one[name][:, joint] / noise.sigma[name][joint]
-            for one, noise in zip(left, noises, strict=True)
-            for name in sorted(one)
-            if not name.startswith("ee")
-        ]
-        return np.nan_to_num(np.concatenate(parts))
-
     n = max((one[name].shape[1] for one in before for name in one if not name.startswith("ee")), default=0)
     told = there = 0
     for joint in range(n):
-        left, rest = own(before, joint), own(after, joint)
+        left, rest = _of_joint(before, noises, joint), _of_joint(after, noises, joint)
         share, amount = _along(left, rest)
         there += _loudness(left) > CLEARLY * np.sqrt(2.0 * len(left))
         told += share > MOST and abs(amount - 1.0) < ABOUT
     return told >= JOINTS and 2 * told > there
+
+
+def _of_joint(left: Sequence[Mapping[str, Vector]], noises: Sequence[Noise], joint: int) -> Vector:
+    """What is left in a joint's own channels, in units of noise; 0 where nothing was measured."""
+    parts = [
+        one[name][:, joint] / noise.sigma[name][joint]
+        for one, noise in zip(left, noises, strict=True)
+        for name in sorted(one)
+        if not name.startswith("ee")
+    ]
+    return np.nan_to_num(np.concatenate(parts))
 
 
 def _loudness(values: Vector) -> float:

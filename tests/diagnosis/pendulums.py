@@ -66,7 +66,7 @@ def pendulum_run(
     stamps: Vector | None = None,
     noise: dict[str, float] | None = None,
     every: int = 1,
-    coarse: bool = False,
+    coarse: int = 0,
     torque_late: float = 0.0,
     delay: int = 0,
     gives: Callable[[float], float] = float,
@@ -83,7 +83,7 @@ def pendulum_run(
         stamps: Times instead of uniform ones.
         noise: Standard deviations.
         every: Ticks for which a command stays what it is.
-        coarse: Semi-implicit Euler with one step a tick moves it.
+        coarse: Semi-implicit Euler moves it, with so many steps a tick; 0: to fourth order.
         torque_late: By how much the torque alone comes after its stamps [s].
         delay: By how many of the steps between two ticks, FINE of them, the drive's torque is late.
         gives: Torque that its motor gives where it is asked for one [N m].
@@ -104,11 +104,10 @@ def pendulum_run(
         told = k - k % every
         asked_for[k] = gives(KP * (float(q_cmd[told]) - q) + KD * (float(dq_cmd[told]) - dq))
         tau[k] = held = asked_for[max(0, (FINE * k - delay) // FINE)]
-        if coarse:
-            dq += 1.0e-3 * (held - WEIGHT * math.sin(q) - against(t, q, dq)) / INERTIA
-            q += 1.0e-3 * dq
-            continue
-        for part in range(FINE):
+        for _ in range(coarse):
+            dq += 1.0e-3 / coarse * (held - WEIGHT * math.sin(q) - against(t, q, dq)) / INERTIA
+            q += 1.0e-3 / coarse * dq
+        for part in range(0 if coarse else FINE):
             acts = asked_for[max(0, (FINE * k + part - delay) // FINE)]
             q, dq = _stepped(t + part * 1.0e-3 / FINE, q, dq, acts, against)
     t = np.arange(int(duration * rate) + 1) / rate if stamps is None else stamps

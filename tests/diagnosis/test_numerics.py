@@ -155,7 +155,7 @@ def lazy(seed=0, duration=4.0, against=friction_free):
 
 UNSAID = [
     (lazy, "without a hold"),
-    (lambda **more: pendulum_run("pd", coarse=True, **more), "first order"),
+    (lambda **more: pendulum_run("pd", coarse=1, **more), "first order"),
     (lambda **more: pendulum_run("pd", every=4, **more), "every 4 ticks"),
     (lambda **more: pendulum_run("pd", torque_late=0.004, **more), "torque"),
 ]
@@ -197,7 +197,7 @@ def test_a_rotor_is_no_speed_that_is_late(monkeypatch):
 
 
 def test_positions_of_one_joint_alone_tell_an_integrator_by_its_size_too():
-    run = pendulum_run("pd", coarse=True, duration=3.0)
+    run = pendulum_run("pd", coarse=1, duration=3.0)
     assert "first order" in likely(positions(run))[0][0]
     # its steps are those of no such controller
     other = replace(run, control=replace(run.control, rate=1400.0))
@@ -298,7 +298,7 @@ def test_a_late_torque_is_told_in_whole_samples_and_alone():
 
 
 @pytest.mark.parametrize(
-    ("more", "change"), [({"coarse": True}, with_coarse_steps), ({"every": 3}, lambda run: with_held_command(run, 3))]
+    ("more", "change"), [({"coarse": 1}, with_coarse_steps), ({"every": 3}, lambda run: with_held_command(run, 3))]
 )
 def test_what_such_a_controller_asks_for_is_known_along_the_motion(more, change):
     run = change(pendulum_run("pd", noise={"q": 1e-7, "tau": 1e-4}, **more))
@@ -352,6 +352,13 @@ def test_what_stands_beside_speeds_that_are_late_has_its_own_number(effect, join
     assert low < value < high
     assert found.parameters[name].value == pytest.approx(value, rel=0.02)
     assert any("0.05 ticks late" in note and "put right first" in note for note in answer.notes), answer.notes
+
+
+@pytest.mark.parametrize(("torque", "there"), [(1e-3, True), (0.02, False)])
+def test_one_joints_speeds_are_late_where_its_torque_says_that_no_rotor_is(torque, there):
+    """Of positions alone a rotor that is lighter says the same, and so it does where its torque drowns."""
+    run = pendulum_run("pd", coarse=5, noise={"q": NOISE["q"], "tau": torque})
+    assert any("ticks late" in name for name in likely(run)[0]) == there
 
 
 def test_physics_of_two_joints_is_no_speed_that_is_late():
