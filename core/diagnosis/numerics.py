@@ -9,6 +9,7 @@ Lubich and Wanner, Geometric Numerical Integration, 2006, I.1).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TypeVar
@@ -45,7 +46,7 @@ LATEST, CLOSER = 20.0, 3
 # less late than that is on time, and so near to how late they are is near enough
 LEAST_LATE, NEAR = 0.01, 0.02
 # log evidence by which late speeds must be the likelier cause than a rotor
-PLAINLY = 10.0
+LIKELIER = 10.0
 # part of a gap's energy that is left where it was no physics, and where half of it was
 NUMERICAL, HALF = 0.1, 0.5
 # the same where friction lags alike; a record may even show a held command's ripple as the torque of one
@@ -231,7 +232,10 @@ def suspected(
     worst = loudest_of(left, noises)
     best, drowned = None, None
     for suspect in suspects(robots[worst], runs[worst], backend, noises[worst]):
-        changed = left_of_all(suspect)
+        try:
+            changed = left_of_all(suspect)
+        except RefusedError:
+            continue
         part = part_left(left, changed, noises)
         if part < min(least, LAGGING if suspect.lags else NUMERICAL if suspect.fitted else half):
             best, least = suspect, part
@@ -274,9 +278,11 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
             tried += left_of(*map(_held_command, HELD[1:]))
     share, ticks = along(tried[1][1])
     if share > WORTH and tells_torque(run):
-        late = _as_late_as_they_are(lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
-        if late and not _rather_a_rotor(robot, robot, run, backend, noise, left, late):
-            tried.append((_late_speeds(late[0]), late[1]))
+        # so late a controller may hold nothing
+        with suppress(RefusedError):
+            late = _as_late_as_they_are(lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
+            if late and not _rather_a_rotor(robot, robot, run, backend, noise, left, late):
+                tried.append((_late_speeds(late[0]), late[1]))
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = along(after)
@@ -384,9 +390,12 @@ def _rather_a_rotor(
     stage = robot.stages[joint]
     drive = replace(stage.drive, inertia=stage.drive.inertia + inertia)
     stages = (*robot.stages[:joint], replace(stage, drive=drive), *robot.stages[joint + 1 :])
-    rival = residuals(run, resimulated(replace(robot, stages=stages), nominal, run, backend), robot)
+    try:
+        rival = residuals(run, resimulated(replace(robot, stages=stages), nominal, run, backend), robot)
+    except RefusedError:
+        return False
     by_rotor, by_late = (float(np.sum(_in_noise(one, noise) ** 2)) for one in (rival, after))
-    return by_late > by_rotor - 2.0 * PLAINLY
+    return by_late > by_rotor - 2.0 * LIKELIER
 
 
 def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:

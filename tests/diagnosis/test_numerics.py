@@ -14,6 +14,7 @@ import mbexport
 from mbexport.core.build import assembled
 from mbexport.core.control import Control
 from mbexport.core.database import load
+from mbexport.core.diagnosis import numerics as by_numerics
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import Noise, noise_floor
@@ -32,6 +33,7 @@ from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
 from mbexport.core.effects import EffectRow
+from mbexport.core.errors import RefusedError
 from mbexport.core.motion import from_table
 from mbexport.core.recording import Run
 from mbexport.core.simulation import simulate
@@ -359,6 +361,22 @@ def test_one_joints_speeds_are_late_where_its_torque_says_that_no_rotor_is(torqu
     """Of positions alone a rotor that is lighter says the same, and so it does where its torque drowns."""
     run = pendulum_run("pd", coarse=5, noise={"q": NOISE["q"], "tau": torque})
     assert any("ticks late" in name for name in likely(run)[0]) == there
+
+
+def test_speeds_so_late_that_no_controller_holds_are_not_suspected(monkeypatch):
+    """The simulation of one that is that late is refused; the others are tried all the same."""
+    run = planar_run("pybullet")
+    robot, noise = robot_of(PLANAR, "rigid", run), noise_floor(PLANAR, "rigid", run)
+    assert [one.fitted for one in suspects(robot, run, "mjcf", noise)] == [True]
+
+    def refused(run, ticks=1.0):
+        if ticks != 1.0:
+            raise RefusedError("the motion is no longer finite")
+        return with_coarse_steps(run)
+
+    monkeypatch.setattr(by_numerics, "with_differences", refused)
+    assert suspects(robot, run, "mjcf", noise) == []
+    assert late_beside([robot], [robot], [run], "mjcf", [noise], 0.1) is None
 
 
 def test_physics_of_two_joints_is_no_speed_that_is_late():
