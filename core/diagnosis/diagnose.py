@@ -245,7 +245,7 @@ class _Diagnosing:
             beside: What is no physics and stands beside effects: it is put right first.
         """
         given = known_together([*runs, *holdout])
-        notes: list[str] = [beside.beside_said(run) for run in given] if beside else []
+        notes: list[str] = [beside.beside_said(given)] if beside else []
         given = [beside.change(run) for run in given] if beside else given
         righted, before, numerical = self._ready(given, notes)
         to_cut = cut or [run.name for run in given if len(given) == 1]
@@ -360,9 +360,9 @@ class _Diagnosing:
             notes += stamps
             return ready, before, "none"
         if part > NUMERICAL and not suspect.exact:
-            notes += [*stamps, *(suspect.half_said(run) for run in runs)]
+            notes += [*stamps, suspect.half_said(runs)]
             return ready, before, "half"
-        notes += [suspect.said(run) for run in runs]
+        notes.append(suspect.said(runs))
         changed = [suspect.change(run) for run in runs]
         after = self._gap(changed)
         kind = "none" if suspect.exact else "all" if after.is_noise or part < OTHER_FORM else "half"

@@ -56,23 +56,23 @@ def imagined(problem: Problem, law: MotionLaw, truth: Rows, *, rate: float | Non
     t = np.arange(int(law.duration * fs + 1e-9) + 1) / fs
     q, dq, ddq = law.at(t)
     present = [name for name in ("tau", "tau_link", "q_link", "ee") if name in evidence.runs[place].measured]
-    measured: dict[str, Vector] = {name: np.zeros((len(t), 3 if name == "ee" else law.n)) for name in present}
+    shapes = {name: (len(t), 3 if name == "ee" else law.n) for name in present}
     edge = int(np.ceil(1.5 * KEPT / band * fs))
-    missing = {"q": np.zeros(q.shape, dtype=bool)}
-    plan = Prepared(_run(recorded, t, {"q": q}), t, 1.0 / fs, band, q, dq, ddq, measured, missing, edge)
+    missing = {name: np.zeros(shape, dtype=bool) for name, shape in ({"q": q.shape} | shapes).items()}
+    # nothing was measured that would show where arms begin
+    plan = Prepared(_run(recorded, t, {"q": q}), t, 1.0 / fs, band, q, dq, ddq, {}, missing, edge)
     creep = _creep(recorded, band, dq)
-    # what the motion takes does not depend on the command
-    plain = replace(plan, run=replace(plan.run, control=replace(recorded.control, mode="unknown")))
+    # what is to be asked for does not depend on the command
+    plain = replace(plan, run=replace(plan.run, control=replace(recorded.control, mode="torque")))
     torque = said(robot, plain, nominal, creep)
     if recorded.control.mode == "torque":
-        measured["tau_cmd"] = torque.tau
+        plan = replace(plan, measured={"tau_cmd": torque.tau})
     elif recorded.control.mode == "pd":
         # as it needs the motion's torque, with its own inertia of the motor sides
         needed = torque.tau - feedforward_along(nominal, recorded.control, q, dq, ddq)
         plan = replace(plan, run=_run(recorded, t, {"q": q} | _commanded(robot, recorded, t, q, dq, needed)))
     speech = said(robot, plan, nominal, creep)
-    for name in present:
-        measured[name] = getattr(speech, name)
+    plan = replace(plan, measured={**plan.measured, **{name: getattr(speech, name) for name in present}})
     masks = _masks(plan, creep, present)
     channels, weights = _weights(evidence, place, plan)
     whole = Evidence(

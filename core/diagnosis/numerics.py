@@ -26,6 +26,7 @@ from ..simulation.step import choose_step, poses_of
 from .noise import Noise, loudest
 from .resimulate import each_simulated, mode_of, residuals, resimulated, resimulated_once
 from .stamps import TORQUES, unshifted
+from .words import listed
 
 Vector = NDArray[np.float64]
 Left = TypeVar("Left")
@@ -149,20 +150,27 @@ class Suspect:
     everywhere: bool = False
     fitted: bool = False
 
-    def said(self, run: Run) -> str:
-        """A sentence on a gap that goes with it."""
-        return f"The gap in {run.name} is that of {self.name}. That is numerics and no effect."
+    def said(self, runs: Sequence[Run]) -> str:
+        """A sentence on runs whose gap goes with it."""
+        return f"The gap in {_names(runs)} is that of {self.name}. That is numerics and no effect."
 
-    def half_said(self, run: Run) -> str:
-        """A sentence on a gap that goes with it for the most part."""
+    def half_said(self, runs: Sequence[Run]) -> str:
+        """A sentence on runs whose gap goes with it for the most part."""
         return (
-            f"More than half of the gap in {run.name}, or of most joints' own, is that of {self.name}. That is "
+            f"More than half of the gap in {_names(runs)}, or of most joints' own, is that of {self.name}. That is "
             "numerics: no effect is looked for before it is put right."
         )
 
-    def beside_said(self, run: Run) -> str:
-        """A sentence on what goes with it beside effects, and was put right before these were looked for again."""
-        return f"What effects leave of {run.name} is that of {self.name}: it was put right first. That is numerics."
+    def beside_said(self, runs: Sequence[Run]) -> str:
+        """A sentence on runs where it stands beside effects, and was put right before these were looked for again."""
+        return (
+            f"What effects leave of {_names(runs)} is that of {self.name}. That is numerics: it was put right, and "
+            "the effects were looked for again."
+        )
+
+
+def _names(runs: Sequence[Run]) -> str:
+    return listed(run.name for run in runs)
 
 
 _NO_HOLD = Suspect(

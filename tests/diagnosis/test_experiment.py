@@ -15,6 +15,7 @@ from mbexport.core.diagnosis.demonstration import shown
 from mbexport.core.diagnosis.experiment import Experiment, design
 from mbexport.core.diagnosis.experiment_words import SHOWS
 from mbexport.core.diagnosis.found import Found
+from mbexport.core.diagnosis.imagined import imagined
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.effects import EffectRow, catalogue, effect_named
 from mbexport.core.errors import UsageError
@@ -159,6 +160,27 @@ def test_noise_that_hides_all_leaves_nothing_to_split():
     assert found.why.startswith("No motion within the limits splits")
     # a model that misses by more than noise hides more
     assert not design(loud, [COULOMB, VISCOUS], misfit=1e4).splits
+
+
+@pytest.mark.parametrize("mode", ["pd", "motion", "torque"])
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("backlash", {"gap": 1e-3, "stiffness": np.inf, "damping": np.inf}),
+        ("joint_compliance", {"stiffness": 2000.0, "damping": 2.0}),
+        ("viscous_friction", {"coefficient": 0.3}),
+    ],
+)
+def test_what_is_imagined_leaves_nothing_of_the_truth(mode, effect, values):
+    """In no channel: not of where the arm began in its play, nor of what a hold takes from the controller's torque."""
+    run = pendulum_run(mode, seed=1)
+    signals, noise = ({**one, "q_link": one["q"]} for one in (run.signals, run.noise))
+    question = problem(load("pendulum"), "rigid", [replace(run, signals=signals, noise=noise)])
+    truth = {effect: (EffectRow(1, values),)}
+    planned = imagined(question, excitation(build(load("pendulum")), duration=3.0), truth)
+    assert {channel.signal for channel in planned.evidence.channels} >= {"tau", "q_link"}
+    assert np.abs(planned.residual(truth)).max() < 1e-6
+    assert np.abs(planned.residual({})).max() > 5.0
 
 
 def test_every_effect_says_what_it_shows():

@@ -353,7 +353,7 @@ def test_what_stands_beside_speeds_that_are_late_has_its_own_number(effect, join
     low, high = found.parameters[name].ci95
     assert low < value < high
     assert found.parameters[name].value == pytest.approx(value, rel=0.02)
-    assert any("0.05 ticks late" in note and "put right first" in note for note in answer.notes), answer.notes
+    assert any("0.05 ticks late" in note and "looked for again" in note for note in answer.notes), answer.notes
 
 
 @pytest.mark.parametrize(("torque", "there"), [(1e-3, True), (0.02, False)])
