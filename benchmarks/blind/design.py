@@ -46,7 +46,7 @@ OUTSIDE = (
     "outside_slosh",
     "outside_mount",
 )
-NUMERICAL = ("euler", "held_command", "continuous", "shifted_stamps", "shifted_torque")
+NUMERICAL = ("euler", "held_command", "continuous", "shifted_stamps", "shifted_torque", "fine_euler")
 # what each law has besides the catalogue's form
 HAS_OTHER_FORM = {
     "joint_compliance", "joint_compliance_6d", "coulomb_friction", "viscous_friction", "stribeck_friction",

@@ -28,6 +28,8 @@ from integrate import Command, Control, Plant, run
 from laws import COLUMN, NAMES
 
 ROBOTS = Path(__file__).resolve().parents[2] / "examples" / "robots"
+# steps a tick of an integrator of first order
+EULER_STEPS = {"euler": 1, "fine_euler": 5}
 # the paper's arm has no rotors in its tables; these are usual for its size
 PAPER_ROTORS = (60.0, 60.0, 25.0, 3.0, 1.5, 0.5)
 BRISTLE, LUGRE_BRISTLE = 5.0e-6, 3.0e-4
@@ -491,7 +493,7 @@ def simulate(
         noise: What the controller sees beside the truth, (ticks, 2, n).
         finer: Factor on the integration's steps (for measuring its error).
         given: Commanded torques (ticks, n), mode torque.
-        numerical: A suspect that is no physics: "euler", "held_command" or "continuous".
+        numerical: A suspect that is no physics: "euler", "fine_euler", "held_command" or "continuous".
     """
     control = recipe["control"]
     rate = control["rate"]
@@ -531,8 +533,8 @@ def simulate(
         followed,
         settings,
         m,
-        1 if numerical == "euler" else max(1, math.ceil(substeps / every)),
-        numerical == "euler",
+        EULER_STEPS.get(numerical, max(1, math.ceil(substeps / every))),
+        numerical in EULER_STEPS,
         np.zeros((0, n)) if given is None else given,
     )
     frames = node_frames(chain, nodes[::every], tool_node)

@@ -38,6 +38,7 @@ class Control:
         every: The command that it follows changes at every so many ticks only. No log says so: it is suspected.
         differenced: Its speeds are differences of positions over so many ticks, half of them late, or part of the way
             there from those that are measured; 0: as measured. Suspected, too.
+        ahead: It sees positions where they will be after so many ticks. Suspected, too.
         held: For how long a controller that is unknown holds the torque that is recorded [s]; 0: not at all.
     """
 
@@ -49,6 +50,7 @@ class Control:
     torque_limit: tuple[float, ...] = ()
     every: int = 1
     differenced: float = 0.0
+    ahead: float = 0.0
     held: float = 0.0
 
     def commanded_at(self, t: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -79,6 +79,7 @@ class Controller:
             limited=bool(np.isfinite(highest).any()),
             differenced=differenced,
             blend=control.differenced / max(differenced, 1),
+            ahead=control.ahead / control.rate,
             rate=float(control.rate),
             seen=np.zeros((count if differenced else 0, n)),
             torques=np.zeros((count, n)),

@@ -18,6 +18,7 @@ class PdTable(NamedTuple):
         limited: Something cuts it.
         differenced: Speeds are differences of positions over that many ticks; 0: they are reported.
         blend: Part of the way that they are so, from those that are reported, 0 to 1.
+        ahead: For how long positions are seen ahead, by their speeds [s].
         rate: Of the ticks [Hz].
         seen: Positions of the ticks before, where speeds are differences of them, shape (m or 0, n).
         torques: Out: of each tick, shape (m, n).
@@ -34,6 +35,7 @@ class PdTable(NamedTuple):
     limited: bool
     differenced: int
     blend: float
+    ahead: float
     rate: float
     seen: Any
     torques: Any
@@ -42,7 +44,7 @@ class PdTable(NamedTuple):
 
 def tick(table: PdTable, k: int, q: Any, dq: Any) -> None:
     """Tick k sees the motors' reported position and their speed, shapes (n,), and writes its torque."""
-    feedback(table, k, q, speed(table, k, q, dq))
+    feedback(table, k, q + table.ahead * dq, speed(table, k, q, dq))
     cut(table, k)
 
 

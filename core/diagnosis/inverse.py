@@ -495,7 +495,8 @@ def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
     control = run.run.control
     q_cmd, dq_cmd, _ = run.run.motion().at(control.commanded_at(run.t))
-    place, rate = run.q, run.dq - 0.5 * control.differenced / control.rate * run.ddq
+    place = run.q + control.ahead / control.rate * run.dq
+    rate = run.dq - 0.5 * control.differenced / control.rate * run.ddq
     if run.told is not None:
         told = run.told
         place = np.where(told.joints, told.q, place)

@@ -31,6 +31,9 @@ from .words import listed
 Vector = NDArray[np.float64]
 Left = TypeVar("Left")
 
+# what is recorded with positions
+_PLACES = ("q", "q_link", "ee", "tau_link")
+
 # a controller that ticks so much faster is nearly a continuous one
 FASTER = 8
 # of a gap's energy along what a suspect changes, what makes it worth a closer look
@@ -121,6 +124,16 @@ def with_coarse_steps(run: Run) -> Run:
     return replace(_with_speeds_in_time(run), control=control)
 
 
+def with_steps(run: Run, ticks: float) -> Run:
+    """The run of an integrator of first order whose steps are so many ticks long, less than one.
+
+    Its speeds are those of half a step ago, and a torque acts half a step before its tick. With a clock that is half a
+    step behind, torques and speeds are in time, positions come half a step early, and the controller sees them so.
+    """
+    back = unshifted(run, -0.5 * ticks / run.control.rate, _PLACES)
+    return replace(back, control=replace(run.control, ahead=0.5 * ticks))
+
+
 def _with_speeds_in_time(run: Run, ticks: float = 1.0) -> Run:
     return unshifted(run, 0.5 * ticks / run.control.rate, ("dq",))
 
@@ -194,10 +207,15 @@ def _held_command(ticks: int) -> Suspect:
 
 def _late_speeds(ticks: float) -> Suspect:
     return Suspect(
-        f"a controller whose speeds are {0.5 * ticks:.2g} ticks late, as those of a filter or of an integrator of "
-        f"first order with steps of {ticks:.2g} ticks are",
+        f"a controller whose speeds are {0.5 * ticks:.2g} ticks late, as those of a filter are",
         lambda run: with_differences(run, ticks),
         fitted=True,
+    )
+
+
+def _fine_steps(ticks: float) -> Suspect:
+    return Suspect(
+        f"an integrator of first order with steps of {ticks:.2g} ticks", lambda run: with_steps(run, ticks), fitted=True
     )
 
 
@@ -284,13 +302,15 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
         if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
             tried += left_of(*map(_held_command, HELD[1:]))
-    share, ticks = along(tried[1][1])
-    if share > WORTH and tells_torque(run):
+    for kind, alike in ((_late_speeds, tried[1][1]), (_fine_steps, tried[2][1])):
+        share, ticks = along(alike)
+        if not (share > WORTH and tells_torque(run)):
+            continue
         # so late a controller may hold nothing
         with suppress(RefusedError):
-            late = _as_late_as_they_are(lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
+            late = _as_late_as_they_are(kind, lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
             if late and not _rather_a_rotor(robot, robot, run, backend, noise, left, late):
-                tried.append((_late_speeds(late[0]), late[1]))
+                tried.append((kind(late[0]), late[1]))
     likely: list[tuple[float, Suspect]] = []
     for suspect, after in tried:
         share, amount = along(after)
@@ -301,23 +321,28 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
 
 
 def _as_late_as_they_are(
-    left_of: Callable[[Suspect], Left], along: Callable[[Left], tuple[float, float]], ticks: float, tries: int = CLOSER
+    kind: Callable[[float], Suspect],
+    left_of: Callable[[Suspect], Left],
+    along: Callable[[Left], tuple[float, float]],
+    ticks: float,
+    tries: int = CLOSER,
 ) -> tuple[float, Left] | None:
     """How late speeds are, as differences over so many ticks, and what they leave; None where the gap is not theirs.
 
     Args:
+        kind: Of ticks, whose speeds are so late.
         left_of: What a suspect leaves.
         along: Part of the gap that lies along what changes where so much is left, and how much of that.
         ticks: A guess.
         tries: How often it may be mended.
     """
-    after = left_of(_late_speeds(ticks))
+    after = left_of(kind(ticks))
     share, amount = along(after)
     if not share > WORTH:
         return None
     if tries == 1 or abs(amount - 1.0) < NEAR:
         return ticks, after
-    return _as_late_as_they_are(left_of, along, min(ticks * amount, LATEST), tries - 1)
+    return _as_late_as_they_are(kind, left_of, along, min(ticks * amount, LATEST), tries - 1)
 
 
 def late_beside(
@@ -352,21 +377,27 @@ def late_beside(
 
     try:
         before = left_of(None)
-        worst = loudest_of(before, noises)
-        noise = noises[worst]
-        whole = _in_noise(before[worst], noise)
-        if not _loudness(whole) > CLEARLY * np.sqrt(2.0 * len(whole)):
-            return None
-        found = _as_late_as_they_are(left_of, lambda after: _along(whole, _in_noise(after[worst], noise)), ticks)
-        # what is said along the motion and what simulation says must be the same
-        if found is None or abs(found[0] / ticks - 1.0) > ABOUT or part_left(before, found[1], noises) > HALF:
-            return None
-        late = found[0], found[1][worst]
-        if _rather_a_rotor(*triples[worst], backend, noise, before[worst], late):
-            return None
     except RefusedError:
         return None
-    return _late_speeds(found[0])
+    worst = loudest_of(before, noises)
+    noise = noises[worst]
+    whole = _in_noise(before[worst], noise)
+    if not _loudness(whole) > CLEARLY * np.sqrt(2.0 * len(whole)):
+        return None
+    best, least = None, HALF
+    for kind in (_late_speeds, _fine_steps):
+        with suppress(RefusedError):
+            late = _as_late_as_they_are(
+                kind, left_of, lambda after: _along(whole, _in_noise(after[worst], noise)), ticks
+            )
+            # what is said along the motion and what simulation says must be the same
+            if late is None or abs(late[0] / ticks - 1.0) > ABOUT:
+                continue
+            part = part_left(before, late[1], noises)
+            alike = late[0], late[1][worst]
+            if part < least and not _rather_a_rotor(*triples[worst], backend, noise, before[worst], alike):
+                best, least = kind(late[0]), part
+    return best
 
 
 def _rather_a_rotor(
@@ -392,18 +423,24 @@ def _rather_a_rotor(
         late: How late speeds are, as differences over so many ticks, and what they leave.
     """
     ticks, after = late
+    whole = _in_noise(left, noise)
     loud = [_loudness(_of_joint([left], [noise], joint)) for joint in range(run.n)]
     joint = int(np.argmax(loud))
-    inertia = -0.5 * ticks / run.control.rate * run.control.kd[joint]
     stage = robot.stages[joint]
-    drive = replace(stage.drive, inertia=stage.drive.inertia + inertia)
-    stages = (*robot.stages[:joint], replace(stage, drive=drive), *robot.stages[joint + 1 :])
+
+    def by_rotor(inertia: float) -> Vector:
+        drive = replace(stage.drive, inertia=stage.drive.inertia + inertia)
+        stages = (*robot.stages[:joint], replace(stage, drive=drive), *robot.stages[joint + 1 :])
+        other = resimulated(replace(robot, stages=stages), nominal, run, backend)
+        return _in_noise(residuals(run, other, robot), noise)
+
+    inertia = -0.5 * ticks / run.control.rate * run.control.kd[joint]
     try:
-        rival = residuals(run, resimulated(replace(robot, stages=stages), nominal, run, backend), robot)
+        rival = by_rotor(inertia)
+        rival = by_rotor(inertia * _along(whole, rival)[1])
     except RefusedError:
         return False
-    by_rotor, by_late = (float(np.sum(_in_noise(one, noise) ** 2)) for one in (rival, after))
-    return by_late > by_rotor - 2.0 * LIKELIER
+    return float(np.sum(_in_noise(after, noise) ** 2)) > float(np.sum(rival**2)) - 2.0 * LIKELIER
 
 
 def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:

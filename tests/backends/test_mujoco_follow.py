@@ -41,6 +41,7 @@ CONTROLS = {
     "limited": replace(PD, torque_limit=(12.0, 9.0, 6.0)),
     "speeds of positions": replace(PD, differenced=2.0),
     "speeds somewhat late": replace(PD, differenced=0.3),
+    "positions ahead": replace(PD, ahead=0.3),
     "a command that is held": replace(PD, every=4),
 }
 

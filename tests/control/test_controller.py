@@ -148,3 +148,15 @@ def test_speeds_as_differences_of_positions(ticks: float) -> None:
     np.testing.assert_allclose(got[begun:], expected[begun:], rtol=1e-9)
     # a run's first tick has nothing before it
     np.testing.assert_allclose(got[0], KD * dq_cmd[0] + KP * q_cmd[0], rtol=1e-12)
+
+
+def test_positions_that_are_seen_ahead() -> None:
+    """Of a position that grows evenly they are where it is a part of a tick later."""
+    plant = robot()
+    controller = Controller(plant, plant, pd(ahead=0.3), law(), 0.5)
+    t = controller.tick_times
+    speeds = np.array([2.0, -6.0])
+    got = ticked(controller, speeds * t[:, None], np.broadcast_to(speeds, (len(t), 2)))
+    q_cmd, dq_cmd, _ = law().at(t)
+    expected = KP * (q_cmd - speeds * (t[:, None] + 0.3 / 200.0)) + KD * (dq_cmd - speeds)
+    np.testing.assert_allclose(got, expected, rtol=1e-9, atol=1e-9)
