@@ -48,7 +48,7 @@ from .model import Rows, level_rows, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import SPEED_IS_LATE, Whitening, whitening
-from .numerics import NUMERICAL, Suspect, late_beside, loudest_of, numerics, part_left, suspected
+from .numerics import NUMERICAL, late_beside, loudest_of, numerics, part_left, suspected
 from .other_form import contradicted, other_form
 from .other_laws import straightened
 from .placed import place_of
@@ -60,6 +60,7 @@ from .scores import scores
 from .search import search
 from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .state import BEYOND_DOUBT, Search, part_open, prune
+from .suspect import Suspect
 from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE

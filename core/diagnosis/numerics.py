@@ -1,17 +1,10 @@
-"""Suspects that are no physics, tried before any effect: our own step, and what no log says of its controller.
-
-A controller may act without a hold; follow a command that changes at every few of its ticks only; take differences of
-positions for speeds, which are half a tick late. Without a hold and with such speeds a record is what an integrator of
-first order makes, one step a tick: q[k+1] - 2 q[k] + q[k-1] = h^2 ddq[k], and its speeds are those differences (Hairer,
-Lubich and Wanner, Geometric Numerical Integration, 2006, I.1).
-"""
+"""What is no physics, tried before any effect: our own step, and what no log says of its controller or its stamps."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TypeVar
 
 import numpy as np
@@ -25,17 +18,24 @@ from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise, loudest
 from .resimulate import each_simulated, mode_of, residuals, resimulated, resimulated_once
-from .stamps import TORQUES, unshifted
-from .words import listed
+from .stamps import TORQUES
+from .suspect import (
+    COARSE_STEPS,
+    DIFFERENCES,
+    FASTER,
+    LATE,
+    LATE_TORQUE,
+    NO_HOLD,
+    Suspect,
+    fine_steps,
+    held_command,
+    late_speeds,
+    without_hold,
+)
 
 Vector = NDArray[np.float64]
 Left = TypeVar("Left")
 
-# what is recorded with positions
-_PLACES = ("q", "q_link", "ee", "tau_link")
-
-# a controller that ticks so much faster is nearly a continuous one
-FASTER = 8
 # of a gap's energy along what a suspect changes, what makes it worth a closer look
 WORTH = 0.5
 # what a suspect must change, in standard deviations of all noise together, to be told at all
@@ -104,134 +104,6 @@ def numerics(robot: Robot, nominal: Robot, run: Run, backend: Backend | str, noi
     return Numerics(step, step_error, hold_error, tuple(notes))
 
 
-@lru_cache(maxsize=4)
-def without_hold(run: Run) -> Run:
-    """The run of a controller that ticks FASTER times as fast, nearly a continuous one; made once."""
-    return replace(run, control=replace(run.control, rate=FASTER * run.control.rate))
-
-
-def with_differences(run: Run, ticks: float = 1.0) -> Run:
-    """The run of a controller whose speeds are as late as differences of positions over so many of its ticks are.
-
-    Those recorded are put right.
-    """
-    return replace(_with_speeds_in_time(run, ticks), control=replace(run.control, differenced=ticks))
-
-
-def with_coarse_steps(run: Run) -> Run:
-    """The run of an integrator of first order, one step a tick."""
-    control = replace(run.control, rate=FASTER * run.control.rate, differenced=FASTER)
-    return replace(_with_speeds_in_time(run), control=control)
-
-
-def with_steps(run: Run, ticks: float) -> Run:
-    """The run of an integrator of first order whose steps are so many ticks long, less than one.
-
-    Its speeds are those of half a step ago, and a torque acts half a step before its tick. With a clock that is half a
-    step behind, torques and speeds are in time, positions come half a step early, and the controller sees them so.
-    """
-    back = unshifted(run, -0.5 * ticks / run.control.rate, _PLACES)
-    return replace(back, control=replace(run.control, ahead=0.5 * ticks))
-
-
-def _with_speeds_in_time(run: Run, ticks: float = 1.0) -> Run:
-    return unshifted(run, 0.5 * ticks / run.control.rate, ("dq",))
-
-
-def with_held_command(run: Run, ticks: int) -> Run:
-    """The run of a controller whose command changes at every so many ticks."""
-    return replace(run, control=replace(run.control, every=ticks))
-
-
-@dataclass(frozen=True, slots=True)
-class Suspect:
-    """Something that a log does not say of its controller or of its stamps.
-
-    Attributes:
-        name: In a sentence, what goes with it.
-        change: A run to the same run of such a controller, or with its stamps put right.
-        exact: What is left then is no part of it.
-        lags: It makes all that was measured come later, as friction does at one joint.
-        everywhere: It acts in every joint alike.
-        fitted: How much of it there is was chosen, so that it has to leave next to nothing.
-    """
-
-    name: str
-    change: Callable[[Run], Run]
-    exact: bool = False
-    lags: bool = False
-    everywhere: bool = False
-    fitted: bool = False
-
-    def said(self, runs: Sequence[Run]) -> str:
-        """A sentence on runs whose gap goes with it."""
-        return f"The gap in {_names(runs)} is that of {self.name}. That is numerics and no effect."
-
-    def half_said(self, runs: Sequence[Run]) -> str:
-        """A sentence on runs whose gap goes with it for the most part."""
-        return (
-            f"More than half of the gap in {_names(runs)}, or of most joints' own, is that of {self.name}. That is "
-            "numerics: no effect is looked for before it is put right."
-        )
-
-    def beside_said(self, runs: Sequence[Run]) -> str:
-        """A sentence on runs where it stands beside effects, and was put right before these were looked for again."""
-        return (
-            f"What effects leave of {_names(runs)} is that of {self.name}. That is numerics: it was put right, and "
-            "the effects were looked for again."
-        )
-
-
-def _names(runs: Sequence[Run]) -> str:
-    return listed(run.name for run in runs)
-
-
-_NO_HOLD = Suspect(
-    f"a controller that acts without a hold: it is compared with one that ticks {FASTER} times as fast",
-    without_hold,
-    everywhere=True,
-)
-_DIFFERENCES = Suspect(
-    "a controller whose speeds are differences of positions, half a tick late", with_differences, everywhere=True
-)
-_COARSE_STEPS = Suspect("an integrator of first order with one step a tick", with_coarse_steps, everywhere=True)
-
-
-def _held_command(ticks: int) -> Suspect:
-    return Suspect(
-        f"a controller whose command changes at every {ticks} ticks only",
-        lambda run: with_held_command(run, ticks),
-        lags=True,
-    )
-
-
-def _late_speeds(ticks: float) -> Suspect:
-    return Suspect(
-        f"a controller whose speeds are {0.5 * ticks:.2g} ticks late, as those of a filter are",
-        lambda run: with_differences(run, ticks),
-        fitted=True,
-    )
-
-
-def _fine_steps(ticks: float) -> Suspect:
-    return Suspect(
-        f"an integrator of first order with steps of {ticks:.2g} ticks", lambda run: with_steps(run, ticks), fitted=True
-    )
-
-
-_LATE = Suspect(
-    "stamps that are one sample early: all that was measured is put back",
-    lambda run: unshifted(run, 1.0 / run.rate),
-    exact=True,
-    lags=True,
-)
-_LATE_TORQUE = Suspect(
-    "a torque that is stamped one sample after the motion that it makes: it is put back",
-    lambda run: unshifted(run, 1.0 / run.rate, ("tau",)),
-    exact=True,
-)
-
-
 def suspected(
     robots: Sequence[Robot], runs: Sequence[Run], backend: Backend | str, noises: Sequence[Noise], least: float
 ) -> tuple[Suspect | None, float]:
@@ -295,14 +167,14 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
 
     left = residuals(run, resimulated(robot, robot, run, backend), robot)
     whole = _in_noise(left, noise)
-    tried = left_of(_NO_HOLD, _DIFFERENCES, _COARSE_STEPS, _LATE_TORQUE)
+    tried = left_of(NO_HOLD, DIFFERENCES, COARSE_STEPS, LATE_TORQUE)
     alone = run.n == 1 and not tells_torque(run)
     if not alone:
-        tried += left_of(_LATE, _held_command(HELD[0]))
+        tried += left_of(LATE, held_command(HELD[0]))
         if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
-            tried += left_of(*map(_held_command, HELD[1:]))
-    for kind, alike in ((_late_speeds, tried[1][1]), (_fine_steps, tried[2][1])):
+            tried += left_of(*map(held_command, HELD[1:]))
+    for kind, alike in ((late_speeds, tried[1][1]), (fine_steps, tried[2][1])):
         share, ticks = along(alike)
         if not (share > WORTH and tells_torque(run)):
             continue
@@ -385,7 +257,7 @@ def late_beside(
     if not _loudness(whole) > CLEARLY * np.sqrt(2.0 * len(whole)):
         return None
     best, least = None, HALF
-    for kind in (_late_speeds, _fine_steps):
+    for kind in (late_speeds, fine_steps):
         with suppress(RefusedError):
             late = _as_late_as_they_are(
                 kind, left_of, lambda after: _along(whole, _in_noise(after[worst], noise)), ticks

@@ -14,7 +14,7 @@ import mbexport
 from mbexport.core.build import assembled
 from mbexport.core.control import Control
 from mbexport.core.database import load
-from mbexport.core.diagnosis import numerics as by_numerics
+from mbexport.core.diagnosis import suspect as suspecting
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import Noise, noise_floor
@@ -26,12 +26,11 @@ from mbexport.core.diagnosis.numerics import (
     numerics,
     part_left,
     suspects,
-    with_coarse_steps,
-    with_held_command,
 )
 from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
+from mbexport.core.diagnosis.suspect import with_coarse_steps, with_held_command
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError
 from mbexport.core.motion import from_table
@@ -385,7 +384,7 @@ def test_speeds_so_late_that_no_controller_holds_are_not_suspected(monkeypatch):
         return with_coarse_steps(run)
 
     for name in ("with_differences", "with_steps"):
-        monkeypatch.setattr(by_numerics, name, refused)
+        monkeypatch.setattr(suspecting, name, refused)
     assert suspects(robot, run, "mjcf", noise) == []
     assert late_beside([robot], [robot], [run], "mjcf", [noise], 0.1) is None
 
