@@ -168,19 +168,20 @@ def suspects(robot: Robot, run: Run, backend: Backend | str, noise: Noise) -> li
     left = residuals(run, resimulated(robot, robot, run, backend), robot)
     whole = _in_noise(left, noise)
     tried = left_of(NO_HOLD, DIFFERENCES, COARSE_STEPS, LATE_TORQUE)
+    _, (_, half_late), (_, one_step), _ = tried
     alone = run.n == 1 and not tells_torque(run)
     if not alone:
         tried += left_of(LATE, held_command(HELD[0]))
         if along(tried[-1][1])[0] > HINT:
             # a command is late by half of what it is held, and how long that is nobody said
             tried += left_of(*map(held_command, HELD[1:]))
-    for kind, alike in ((late_speeds, tried[1][1]), (fine_steps, tried[2][1])):
+    for kind, alike in ((late_speeds, half_late), (fine_steps, one_step)) if tells_torque(run) else ():
         share, ticks = along(alike)
-        if not (share > WORTH and tells_torque(run)):
+        if not share > WORTH:
             continue
         # so late a controller may hold nothing
         with suppress(RefusedError):
-            late = _as_late_as_they_are(kind, lambda suspect: left_of(suspect)[0][1], along, min(ticks, LATEST))
+            late = _as_late_as_they_are(kind, lambda one: left_by(one, robot, run, backend), along, min(ticks, LATEST))
             if late and not _rather_a_rotor(robot, robot, run, backend, noise, left, late):
                 tried.append((kind(late[0]), late[1]))
     likely: list[tuple[float, Suspect]] = []
@@ -239,16 +240,11 @@ def late_beside(
         return None
     triples = list(zip(robots, nominals, runs, strict=True))
 
-    def left_of(suspect: Suspect | None) -> list[dict[str, Vector]]:
-        def left(one: tuple[Robot, Robot, Run]) -> dict[str, Vector]:
-            robot, nominal, run = one
-            other = suspect.change(run) if suspect else run
-            return residuals(other, resimulated(robot, nominal, other, backend, begun=run), robot)
-
-        return each_simulated(left, triples, backend)
+    def left_of(suspect: Suspect) -> list[dict[str, Vector]]:
+        return each_simulated(lambda one: left_by(suspect, one[0], one[2], backend, nominal=one[1]), triples, backend)
 
     try:
-        before = left_of(None)
+        before = each_simulated(lambda one: residuals(one[2], resimulated(*one, backend), one[0]), triples, backend)
     except RefusedError:
         return None
     worst = loudest_of(before, noises)
@@ -315,10 +311,20 @@ def _rather_a_rotor(
     return float(np.sum(_in_noise(after, noise) ** 2)) > float(np.sum(rival**2)) - 2.0 * LIKELIER
 
 
-def left_by(suspect: Suspect, robot: Robot, run: Run, backend: Backend | str) -> dict[str, Vector]:
-    """Measured minus simulated where a suspect is put right, as `residuals` has it."""
+def left_by(
+    suspect: Suspect, robot: Robot, run: Run, backend: Backend | str, *, nominal: Robot | None = None
+) -> dict[str, Vector]:
+    """Measured minus simulated where a suspect is put right, as `residuals` has it.
+
+    Args:
+        suspect: What is put right.
+        robot: What the run is compared with.
+        run: What was measured.
+        backend: The engine.
+        nominal: Whose rigid bodies the controller's feedforward knows; None: the robot's.
+    """
     other = suspect.change(run)
-    return residuals(other, resimulated(robot, robot, other, backend, begun=run), robot)
+    return residuals(other, resimulated(robot, nominal or robot, other, backend, begun=run), robot)
 
 
 def tells_torque(run: Run) -> bool:

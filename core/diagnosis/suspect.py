@@ -19,7 +19,7 @@ from .words import listed
 # a controller that ticks so much faster is nearly a continuous one
 FASTER = 8
 # what is recorded with positions
-PLACES = ("q", "q_link", "ee", "tau_link")
+_PLACES = ("q", "q_link", "ee", "tau_link")
 
 
 @lru_cache(maxsize=4)
@@ -48,7 +48,7 @@ def with_steps(run: Run, ticks: float) -> Run:
     Its speeds are those of half a step ago, and a torque acts half a step before its tick. With a clock that is half a
     step behind, torques and speeds are in time, positions come half a step early, and the controller sees them so.
     """
-    back = unshifted(run, -0.5 * ticks / run.control.rate, PLACES)
+    back = unshifted(run, -0.5 * ticks / run.control.rate, _PLACES)
     return replace(back, control=replace(run.control, ahead=0.5 * ticks))
 
 
