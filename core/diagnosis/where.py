@@ -222,7 +222,7 @@ def _dependences(channels: Sequence[_Channel], runs: Sequence[Run], robot: Robot
         for signal in sorted({channel.signal for channel in own}):
             parts = [channel for channel in own if channel.signal == signal]
             energy = sum(channel.above() for channel in parts)
-            for name in _candidates(joint, robot.n):
+            for name in candidates(joint, robot.n):
                 pieces = [(variables[part.run].get(name), part.values) for part in parts]
                 known = [(x, y) for x, y in pieces if x is not None]
                 if known:
@@ -232,9 +232,10 @@ def _dependences(channels: Sequence[_Channel], runs: Sequence[Run], robot: Robot
     return tuple(sorted(found, key=lambda dependence: (-dependence.strength, dependence.variable)))
 
 
-def _candidates(joint: int, n: int) -> list[str]:
+def candidates(joint: int, n: int) -> list[str]:
+    """The variables that the gap of a joint (counted from 0) is held against, as a page can draw them."""
     own = joint + 1
-    names = [f"sign(dq_{own})", f"dq_{own}", f"ddq_{own}", f"|tau_{own}|", "t"]
+    names = [f"sign(dq_{own})", f"dq_{own}", f"ddq_{own}", f"abs(tau_{own})", "t"]
     return [*names, *(f"q_{i + 1}" for i in range(n))]
 
 
@@ -249,7 +250,7 @@ def _variables(run: Run) -> dict[str, Vector]:
         found[f"ddq_{number}"] = motion.ddq[:, i]
         found[f"sign(dq_{number})"] = np.where(standing, 0.0, np.sign(speed))
         if run.has("tau") and np.isfinite(run.signals["tau"][:, i]).any():
-            found[f"|tau_{number}|"] = np.abs(bridged(run.t, run.signals["tau"][:, i]))
+            found[f"abs(tau_{number})"] = np.abs(bridged(run.t, run.signals["tau"][:, i]))
     return found
 
 

@@ -90,7 +90,7 @@ def listed(words: Iterable[str]) -> str:
 def percent(share: float) -> str:
     """A share as per cent; 100 only where it is all."""
     value = 100.0 * share
-    return f"{value:.1f} %" if 99.5 <= value < 99.95 else f"{value + 0.0:.0f} %".replace("-0 %", "0 %")
+    return f"{value:.1f} %" if 99.5 <= value < 99.95 else f"{value:z.0f} %"
 
 
 def probability_in_words(probability: float) -> str:
@@ -137,7 +137,7 @@ def estimate(parameter: Parameter) -> tuple[str, str, str]:
         value, *ends = (_figure(x / factor, 3) for x in (parameter.value, low, high))
     else:
         decimals = min(max(1 - math.floor(math.log10(half)), 0), 9)
-        value, *ends = (f"{x / factor + 0.0:.{decimals}f}" for x in (parameter.value, low, high))
+        value, *ends = (f"{x / factor:z.{decimals}f}" for x in (parameter.value, low, high))
     return value, f"{ends[0]} to {ends[1]}", unit
 
 
@@ -181,13 +181,14 @@ def _either(names: list[str]) -> str:
 
 
 def variable_in_words(variable: str) -> str:
-    """What the gap depends on: "sign(dq_2)" is the direction of motion of joint 2."""
+    """What the gap depends on: "sign(dq_2)" is the direction joint 2 moves in, "abs(tau_1)" the size of its torque."""
     direction = re.fullmatch(r"sign\(dq(?:_cmd)?_(\d+)\)", variable)
     if direction:
         return f"the direction of motion of joint {direction[1]}"
-    channel = _CHANNEL.fullmatch(variable)
+    size = re.fullmatch(r"abs\((.*)\)", variable)
+    channel = _CHANNEL.fullmatch(size[1] if size else variable)
     if channel and channel[1] in _OF:
-        return f"{_OF[channel[1]]} of joint {channel[2]}"
+        return f"{'the size of ' if size else ''}{_OF[channel[1]]} of joint {channel[2]}"
     return "time" if variable == "t" else variable
 
 

@@ -340,7 +340,7 @@ def _scatter(
 
 
 def _unit_of_variable(diagnosis: Diagnosis, variable: str) -> str:
-    match = _CHANNEL.fullmatch(variable)
+    match = _CHANNEL.fullmatch(re.sub(r"^abs\((.*)\)$", r"\1", variable))
     if variable == "t":
         return "s"
     if match is None or int(match[2]) > diagnosis.corrected.n:

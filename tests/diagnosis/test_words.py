@@ -32,6 +32,7 @@ from mbexport.core.diagnosis.words import (
         (2.61e5, (2.5e5, 2.7e5), "N*m/rad", ("261", "250 to 270", "kN m/rad")),
         (0.003, (0.0029, 0.0031), "s", ("3.00", "2.90 to 3.10", "ms")),
         (0.21, (-0.1, 0.52), "kg*m^2", ("0.21", "-0.10 to 0.52", "kg m\u00b2")),
+        (-1e-6, (-5.1e-4, 5.1e-4), "m", ("0.00", "-0.51 to 0.51", "mm")),
         (5.0, (5.0, 5.0), "", ("5.00", "5.00 to 5.00", "")),
         (1e7, (2e6, float("inf")), "N*m/rad", ("10.0", "2.00 to infinite", "MN m/rad")),
         (0.0, (0.0, 0.0), "kg", ("0", "0 to 0", "kg")),
@@ -65,6 +66,7 @@ def test_causes_have_names_for_people():
     assert cause_in_words("axis_coupling", "joint_5") == "axis coupling at joint 5"
     assert variable_in_words("sign(dq_3)") == "the direction of motion of joint 3"
     assert variable_in_words("tau_1") == "the torque of joint 1"
+    assert variable_in_words("abs(tau_1)") == "the size of the torque of joint 1"
     assert variable_in_words("cos(q_1 + q_2)") == "cos(q_1 + q_2)"
 
 

@@ -12,6 +12,8 @@ import pytest
 from defusedxml.ElementTree import fromstring
 
 from mbexport.core.diagnosis.diagnosis import Dependence, EffectShare, Finding, LeftOutSamples, Parameter, Rival
+from mbexport.core.diagnosis.where import candidates
+from mbexport.core.diagnosis.words import variable_in_words
 from mbexport.core.report.diagnosis_page import DiagnosisAnswer, DiagnosisCause, DiagnosisWhere, diagnosis_page
 from mbexport.core.report.diagnosis_pictures import (
     channels,
@@ -210,6 +212,13 @@ def test_variables_are_read_without_running_them(explained):
     assert variable_values("t", overlay) is overlay.t
     for wrong in ("dq_9", "nonsense", "__import__('os')", "dq_2.shape", "dq_2 if 1 else 2", "(", "sign(dq_2, 3)", "1"):
         assert variable_values(wrong, overlay) is None, wrong
+
+
+def test_every_variable_a_gap_is_held_against_is_drawn_and_said(explained):
+    (overlay,) = explained.overlays
+    for variable in candidates(1, 6):
+        assert variable_values(variable, overlay) is not None, variable
+        assert re.fullmatch(r"time|the (\w|[- ])+ of joint \d", variable_in_words(variable)), variable
 
 
 def test_a_variable_the_run_does_not_know_is_passed_over(explained):
