@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
@@ -65,8 +66,13 @@ def insist_on_room(folder: Path, names: Iterable[str], *, force: bool) -> None:
         force: Files may be replaced; a folder in the place of one may not.
 
     Raises:
-        UsageError: Something is in the way.
+        UsageError: Something is in the way, or nothing can be written there.
     """
+    ground = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not ground.is_dir():
+        raise UsageError(f"cannot write into {folder}: {ground} is no folder.")
+    if not os.access(ground, os.W_OK | os.X_OK):
+        raise UsageError(f"cannot write into {folder}: {ground} is not yours to write into.")
     places = [folder / name for name in names]
     in_the_way = [place for place in places if place.exists() and (not force or place.is_dir())]
     if in_the_way:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mbexport.core.errors import UsageError
-from mbexport.core.files import write_whole
+from mbexport.core.files import insist_on_room, write_whole
 
 FILES = {"a.txt": "new a", "sub/b.txt": "new b", "c.bin": b"new c"}
 
@@ -58,6 +58,13 @@ def test_nothing_is_written_over_unasked(tmp_path):
     assert tree(tmp_path) == {"c.bin": b"old"}
     write_whole(tmp_path, FILES, force=True)
     assert tree(tmp_path)["c.bin"] == b"new c"
+
+
+def test_a_place_where_nothing_can_be_written_is_refused_before_the_work(tmp_path):
+    (tmp_path / "notes").write_text("a file")
+    insist_on_room(tmp_path / "new" / "deep", ("a.txt",), force=False)
+    with pytest.raises(UsageError, match=r"notes is no folder"):
+        insist_on_room(tmp_path / "notes" / "here", ("a.txt",), force=True)
 
 
 @pytest.mark.parametrize("name", ["../out.txt", "/out.txt", "sub/../../out.txt"])

@@ -41,10 +41,11 @@ def command(output: Path, force: bool, as_json: bool) -> None:
     """All of it on the built-in robot: check, export, simulate in every engine, compare, draw."""
     if not force and output.exists() and (not output.is_dir() or any(output.iterdir())):
         raise UsageError(f"{output} exists already; choose another place or give --force.")
+    from ..files import insist_on_room, write_whole
+
+    insist_on_room(output, (), force=force)
     story = Story(quiet=as_json)
     summary = story.tell()
-    from ..files import write_whole
-
     write_whole(output, {**story.files, "summary.json": json.dumps(summary, indent=1) + "\n"}, force=force)
     if as_json:
         print_json(summary)

@@ -27,6 +27,8 @@ from .prepare import Prepared, Told, creep_of, prepared, small_turn, ticks_a_row
 from .sensed import next_alike, noise_in, response_of
 
 Vector = NDArray[np.float64]
+# signal -> coefficients of each of its channels
+Between = Mapping[str, Sequence[Vector]]
 
 DRAWS = 4
 # one sample in so many may be left out of a transform
@@ -105,6 +107,8 @@ class Evidence:
         mixes: Run -> for each joint, what part of the coefficients of "tau" goes with those of "u" by noise alone;
             {} where a run has not both. It is taken out of "u", so that both are known apart.
         asks: Run -> for each joint, what its controller makes of its sensors' noise; {} where no gains act.
+        between: Run -> signal -> coefficients of what happens between its rows and no model is blamed for; {} where
+            that is nothing, () where it is of no run.
     """
 
     runs: tuple[Prepared, ...]
@@ -115,6 +119,7 @@ class Evidence:
     creeps: tuple[Vector, ...]
     mixes: tuple[Mapping[int, Vector], ...]
     asks: tuple[Mapping[int, Asked], ...]
+    between: tuple[Between, ...] = ()
 
     def residual(self, robots: Sequence[Robot], beyond: Beyond = ()) -> Vector:
         """Measured minus said of these robots, one a run, in units of noise, shape (N,).
@@ -201,12 +206,20 @@ class Evidence:
             tuple(self.creeps[k] for k in kept),
             tuple(self.mixes[k] for k in kept),
             tuple(self.asks[k] for k in kept),
+            tuple(self.between[k] for k in kept) if self.between else (),
         )
 
     def _raw(self, number: int, robot: Robot, beyond: Beyond) -> dict[str, list[Vector]]:
         run = self.runs[number]
         speech = Voice(robot, self.nominals[number], self.creeps[number], beyond).says(run)
-        return coefficients(run, differences(run, speech), self.masks[number])
+        left = coefficients(run, differences(run, speech), self.masks[number])
+        for name, columns in self.between_of(number).items():
+            left[name] = [column - own for column, own in zip(left[name], columns, strict=True)]
+        return left
+
+    def between_of(self, number: int) -> Between:
+        """What happens between the rows of a run; {} where that is nothing."""
+        return self.between[number] if self.between else {}
 
 
 def differences(run: Prepared, speech: Said) -> dict[str, Vector]:
@@ -293,7 +306,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         voice = Voice(nominal, nominal, creep)
         values = differences(run, voice.says(run))
-        mask = _masks(run, values, creep, sticking(nominal))
+        mask = masks_of(run, values, creep, sticking(nominal))
         masks.append(mask)
         noise, mix, asked = _noise(run, voice, values, mask)
         mixes.append(mix)
@@ -322,7 +335,7 @@ def sticking(robot: Robot) -> NDArray[np.bool_]:
     return np.array([sticks(stage.drive) for stage in robot.stages])
 
 
-def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArray[np.bool_]) -> dict[str, Vector]:
+def masks_of(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArray[np.bool_]) -> dict[str, Vector]:
     """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
     ndimage: Any = import_module("scipy.ndimage")

@@ -51,8 +51,13 @@ FINE_RATE = 1000.0
 TURN, TURNED = 0.004, 0.01
 # the first part of a run that tells whether it began at rest: seconds, and samples at least
 BEGINNING, FEWEST = 0.02, 8
+# how often its noise polynomials may miss a beginning, and of what degree these are: a controller's kick at rest is no
+# even acceleration
+MISSES, DEGREES = 3.0, range(2, 6)
 # what moves so many standard deviations at the start, and such a part of the fastest, plainly moves
 PLAIN, FAST = 8.0, 0.02
+# how far a speed's noise may take it from what it is
+SURELY = 3.0
 # a filter that was begun on a moving robot is let settle so many of its edges long
 SETTLED = 2
 # a command is known through a gap of so many samples; times kd / kp until a controller has caught up with one
@@ -364,19 +369,36 @@ def _moving_at_first(run: Run) -> tuple[Vector, Vector] | None:
     """Measured positions and speeds (n,) at the first row of a run that plainly begins in motion."""
     first = (run.t <= BEGINNING) | (np.arange(len(run.t)) < FEWEST)
     q, dq, spread = np.empty(run.n), np.empty(run.n), np.empty(run.n)
+    fastest = np.nanmax(np.abs(smoothed(run).dq), axis=0)
     for i, column in enumerate(run.signals["q"][first].T):
         good = np.isfinite(column)
         if good.sum() < 4:
             return None
-        t = run.t[first][good]
-        terms = np.vander(t, 3, increasing=True)
-        covariance = np.linalg.inv(terms.T @ terms)
-        q[i], dq[i], _ = covariance @ (terms.T @ column[good])
-        spread[i] = float(np.sqrt(covariance[1, 1]))
-    fast = np.abs(dq) > FAST * np.nanmax(np.abs(smoothed(run).dq), axis=0)
-    # noise is asked for where it matters: to know it takes as long as a simulation
-    moves = fast.any() and bool(np.any(fast & (np.abs(dq) > PLAIN * spread * noise_in(run, "q").sigma)))
-    return (q, dq) if moves else None
+        t, values = run.t[first][good], column[good]
+        for degree in DEGREES:
+            terms = np.vander(t / t[-1], degree + 1, increasing=True)
+            covariance = np.linalg.inv(terms.T @ terms)
+            amounts = covariance @ (terms.T @ values)
+            q[i], dq[i], spread[i] = amounts[0], amounts[1] / t[-1], float(np.sqrt(covariance[1, 1])) / t[-1]
+            # noise is asked for where it matters: to know it takes as long as a simulation
+            if abs(dq[i]) <= FAST * fastest[i] or len(t) <= degree + 2:
+                break
+            left = values - terms @ amounts
+            if float(left @ left) <= MISSES**2 * float(noise_in(run, "q").sigma[i]) ** 2 * (len(t) - degree - 1):
+                break
+    fast = np.abs(dq) > FAST * fastest
+    moves = fast.any() and fast & (np.abs(dq) > PLAIN * spread * noise_in(run, "q").sigma) & _agrees(run, dq)
+    return (q, dq) if np.any(moves) else None
+
+
+def _agrees(run: Run, dq: Vector) -> NDArray[np.bool_]:
+    """Whether the first recorded speed of each joint is not far below another, shape (n,); 0 is where slopes begin."""
+    if not run.has("dq"):
+        return np.ones(run.n, dtype=bool)
+    first = run.signals["dq"][0]
+    known = np.isfinite(first) & (first != 0.0)
+    low = np.abs(np.where(known, first, 0.0)) + SURELY * noise_in(run, "dq").sigma < 0.5 * np.abs(dq)
+    return ~(known & low)
 
 
 def state_at(robot: Robot, reported: Vector, dtheta: Vector) -> MachineState:

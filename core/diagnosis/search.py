@@ -50,10 +50,17 @@ def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
     return state
 
 
-def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | None) -> None:
-    """Take one cause after the other until none is left that earns its place."""
+def one_cause_more(state: Search, tell: Callable[[str], None] | None = None) -> bool:
+    """Take the largest cause beside what was found; whether there is one that earns its place."""
+    before = {item.key for item in state.found}
+    _gather(state, blocks(state.problem.evidence), tell, most=len(before) + 1)
+    return not before >= {item.key for item in state.found}
+
+
+def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | None, most: int | None = None) -> None:
+    """Take one cause after the other until none is left that earns its place, or there are so many."""
     problem, whiten = state.problem, state.whiten
-    most = 3 * problem.database.n + MORE_THAN_USUAL
+    most = 3 * problem.database.n + MORE_THAN_USUAL if most is None else most
     failed: list[set[tuple[str, int]]] = []
     let_go = False
     while len(state.found) < most:

@@ -9,7 +9,7 @@ from pathlib import Path
 from ..database import FrozenMap
 from ..database.write import folder_texts
 from ..errors import UsageError
-from ..files import write_whole
+from ..files import insist_on_room, write_whole
 from .as_json import MOTION_FILE, as_json
 from .diagnosis import Diagnosis
 
@@ -40,8 +40,9 @@ def check_place(folder: Path, *, force: bool) -> None:
     """Refuse a folder that holds a diagnosis, or tables that would be taken for one's, before the minutes of work.
 
     Raises:
-        UsageError: Something is in the way.
+        UsageError: Something is in the way, or nothing can be written there.
     """
+    insist_on_room(folder, (), force=force)
     there = _there(folder)
     if there and not force:
         raise UsageError(f"{folder / there[0]} exists already; choose another place or give --force.")

@@ -224,8 +224,12 @@ def steps_of(run: Run, signal: str) -> Vector:
 
 
 def quantisation(values: Vector) -> float:
-    """Step of a channel (m,) whose values are whole multiples of it; 0 where there is none."""
-    levels = np.unique(values[np.isfinite(values)])
+    """Step of a channel (m,) whose values are whole multiples of it; 0 where there is none.
+
+    A ramp at one speed has every value once and all as far apart: that is its motion.
+    """
+    known = values[np.isfinite(values)]
+    levels = np.unique(known)
     if len(levels) < 3:
         return 0.0
     apart = np.diff(levels)
@@ -236,6 +240,8 @@ def quantisation(values: Vector) -> float:
         step = float(np.quantile(apart, part))
         step = float(np.median(apart[apart < 1.5 * step]))
         whole = np.round(apart / step)
+        if len(levels) == len(known) and whole.max() <= 1.0:
+            continue
         if np.quantile(np.abs(apart / step - whole), 0.95) < 0.05:
             return float(apart.sum() / whole.sum())
     return 0.0

@@ -107,3 +107,11 @@ def test_a_file_in_the_way(mbexport, tmp_path):
     answer = mbexport("demo", "-o", tmp_path / "demo")
     assert answer.status == 2
     assert (tmp_path / "demo").read_text() == "mine"
+
+
+@pytest.mark.parametrize("words", [("demo",), ("diagnose", "pendulum", "nowhere"), ("agree", "pendulum")])
+def test_a_place_that_cannot_be_is_refused_before_the_work(mbexport, tmp_path, words):
+    (tmp_path / "notes").write_text("a file")
+    answer = mbexport(*words, "-o", tmp_path / "notes" / "here", "--force")
+    assert answer.status == 2 and answer.out == ""
+    assert answer.err == f"mbexport: cannot write into {tmp_path}/notes/here: {tmp_path}/notes is no folder.\n"

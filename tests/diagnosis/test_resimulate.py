@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.build import build
-from mbexport.core.control import default_pd
+from mbexport.core.control import Control, default_pd
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
@@ -31,6 +31,7 @@ from mbexport.core.diagnosis.resimulate import (
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError, UsageError
 from mbexport.core.kinematics import dynamics, tool_in_base
+from mbexport.core.motion import from_table
 from mbexport.core.simulation import simulate
 
 DATABASE = load("pendulum")
@@ -372,6 +373,25 @@ def test_a_run_that_begins_moving_begins_so():
     assert (
         rms(residuals(late, resimulated(robot(late), robot(late), late, "mjcf"), robot(late))["q"]) < 10.0 * NOISE["q"]
     )
+
+
+@pytest.mark.parametrize("known", [("dq",), ()])
+def test_a_kick_at_the_start_is_no_motion_before_it(known):
+    """A command that begins with a speed: within a few rows a quick controller has the motor at it."""
+    run = pendulum_run("pd", rate=1000.0, duration=1.0)
+    t = np.arange(251) / 250.0
+    law = from_table(t, 2.0 * t[:, None])
+    control = Control("pd", (400.0,), (20.0,), rate=1000.0)
+    trace = simulate(robot(run), "urdf", law, control, rate=250.0)
+    signals = {name: trace.joints[name] for name in ("q", "dq", "q_cmd", "dq_cmd")}
+    random, noise = np.random.default_rng(1), {"q": np.array([1e-5]), "dq": np.array([1e-3])}
+    signals |= {name: signals[name] + noise[name] * random.normal(size=signals[name].shape) for name in noise}
+    kept = {name: values for name, values in signals.items() if name != "dq" or name in known}
+    kicked = replace(run, t=trace.t, signals=kept, noise=noise, control=control, rate=250.0)
+    assert start_of(robot(kicked), kicked) is None
+    # and what was moving before the record began still was
+    later = {name: values[100:] for name, values in kept.items()}
+    assert start_of(robot(kicked), replace(kicked, t=trace.t[100:] - trace.t[100], signals=later)) is not None
 
 
 def _body(mass):

@@ -287,6 +287,15 @@ def test_a_fast_motion_hides_no_steps():
     assert quantisation(fast + 1e-5 * random.normal(size=len(t))) == 0.0
 
 
+def test_a_ramp_at_one_speed_is_no_quantisation():
+    random = np.random.default_rng(1)
+    ramp = 2.0 * np.arange(150) / 250.0
+    assert quantisation(ramp + 1e-5 * random.normal(size=len(ramp))) == 0.0
+    # as it is of one that stays at values or leaps over some
+    assert quantisation(np.round(ramp / 0.01) * 0.01) == pytest.approx(0.01)
+    assert quantisation(np.round(ramp / 0.005) * 0.005) == pytest.approx(0.005)
+
+
 def test_without_noise_there_is_next_to_none():
     run = recorded(swing)
     smooth = run_of(run.t, {"q_cmd": run.signals["q_cmd"], "q": run.signals["q_cmd"]})

@@ -1,0 +1,129 @@
+"""What jumps between the rows of a record is no gap of the model, and hides no cause."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mbexport
+from mbexport.core.build import assembled
+from mbexport.core.control import Control
+from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.between_rows import between_rows, hides
+from mbexport.core.diagnosis.model import level_rows, merged
+from mbexport.core.diagnosis.problem import problem
+from mbexport.core.effects import EffectRow
+from mbexport.core.motion import from_table
+from mbexport.core.recording import Run
+from mbexport.core.simulation import simulate
+
+PLANAR = load("planar2r")
+CONTROL = Control("pd", (900.0, 250.0), (40.0, 12.0), "gravity", 1000.0)
+T = np.arange(501) / 250.0
+RUBS = {"coulomb_friction": (EffectRow(1, {"torque": 1.6}),)}
+
+
+def triangle(seed):
+    """Constant speeds that turn at once."""
+    periods = np.array([0.9, 1.3]) + 0.1 * seed
+    part = (T[:, None] / periods + 0.25) % 1.0
+    return 0.5 * (np.abs(4.0 * part - 2.0) - 1.0)
+
+
+def steps(seed):
+    """Positions to go to at once."""
+    places = np.random.default_rng(seed).uniform(-0.35, 0.35, (8, 2))
+    places[0] = 0.0
+    number = (T[:, None] / (np.array([0.5, 0.7]) + 0.03 * seed)).astype(int)
+    return np.take_along_axis(places, number, axis=0)
+
+
+def swings(seed):
+    """A SCARA's constant speeds that turn at once."""
+    part = (T[:, None] / np.array([0.9, 1.1, 1.3, 1.2]) + 0.25) % 1.0
+    return np.array([0.7, 0.7, 0.06, 0.7]) * (np.abs(4.0 * part - 2.0) - 1.0)
+
+
+def smooth(seed):
+    """From rest to rest, and no jump on the way."""
+    s = np.clip(np.minimum(T, 2.0 - T), 0.0, 1.0)
+    return np.outer(s**3 * (10.0 - 15.0 * s + 6.0 * s**2), [0.6, -0.5])
+
+
+def recorded(motion, rows=None, seed=1, control=CONTROL, database=PLANAR, level="rigid"):
+    """A run that Pinocchio made of a robot, with what its database does not know."""
+    law, known = from_table(T, motion(seed)), level_rows(database, level)
+    plant, nominal = assembled(database, merged(known, rows or {})), assembled(database, known)
+    trace = simulate(plant, "urdf", law, control=control, nominal=nominal, rate=250.0)
+    noise = {"q": np.full(database.n, 2e-5), "dq": np.full(database.n, 2e-3), "tau": np.full(database.n, 0.05)}
+    random = np.random.default_rng(seed)
+    q_cmd, dq_cmd, _ = law.at(trace.t)
+    signals = {name: trace.joints[name] + noise[name] * random.normal(size=q_cmd.shape) for name in noise}
+    signals |= {"q_cmd": q_cmd, "dq_cmd": dq_cmd}
+    return Run(f"run {seed}", trace.t, signals, control, noise, (), {}, "", (), 250.0)
+
+
+def loudest(evidence, robots, signals=("tau", "u")):
+    left = evidence.residual(robots)
+    return max(float(np.mean(left[c.first : c.last] ** 2)) for c in evidence.channels if c.signal in signals)
+
+
+@pytest.mark.parametrize("motion", [triangle, steps])
+def test_what_a_perfect_model_leaves_between_rows_is_taken_off(motion):
+    run = recorded(motion)
+    evidence, robots = problem(PLANAR, "rigid", [run]).evidence, [assembled(PLANAR, {})]
+    less = between_rows(PLANAR, "rigid", [run], evidence, {}, "mjcf")
+    assert loudest(evidence, robots) > 30.0
+    assert loudest(less, robots) < 3.0
+    assert hides(less) and not hides(evidence)
+    assert between_rows(PLANAR, "rigid", [run], less, {}, "mjcf") is less
+    assert loudest(less.only([0]), robots) == loudest(less, robots)
+
+
+def test_it_is_that_of_the_robot_with_what_was_found():
+    """A load goes on otherwise behind a jump of an arm whose drives give, by more than most causes are."""
+    database = load("scara")
+    point = {"mass": 1.0} | dict.fromkeys(("x", "y", "z", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), 0.0)
+    rows = {"payload": (EffectRow(0, FrozenMap(point)),)}
+    control = Control("pd", (2853.0, 668.0, 16112.0, 10.0), (114.0, 26.7, 644.0, 0.4), "gravity", 1000.0)
+    run = recorded(swings, rows, control=control, database=database, level="full")
+    asked = problem(database, "full", [run])
+    robots = asked.robots(rows)
+    before = between_rows(database, "full", [run], asked.evidence, {}, "mjcf")
+    assert loudest(before, robots, ("tau",)) > 1000.0
+    assert loudest(between_rows(database, "full", [run], before, rows, "mjcf"), robots, ("tau",)) < 3.0
+
+
+def test_of_a_smooth_command_there_is_next_to_nothing():
+    """A held torque acts half a tick later than rows have it, no more."""
+    run = recorded(smooth)
+    evidence, robots = problem(PLANAR, "rigid", [run]).evidence, [assembled(PLANAR, {})]
+    less = between_rows(PLANAR, "rigid", [run], evidence, {}, "mjcf")
+    assert not hides(less)
+    change = less.residual(robots) - evidence.residual(robots)
+    assert float(np.mean(change**2)) < 0.2
+
+
+def test_without_a_controller_and_with_play_none_is_known():
+    run = recorded(steps)
+    evidence = problem(PLANAR, "rigid", [run]).evidence
+    plays = {"backlash": (EffectRow(1, FrozenMap({"gap": 0.002, "stiffness": 1e5, "damping": 10.0})),)}
+    assert between_rows(PLANAR, "rigid", [run], evidence, plays, "mjcf") is evidence
+    unknown = replace(run, control=Control("unknown"))
+    evidence = problem(PLANAR, "rigid", [unknown]).evidence
+    assert between_rows(PLANAR, "rigid", [unknown], evidence, {}, "mjcf") is evidence
+
+
+@pytest.mark.parametrize("motion", [triangle, steps])
+def test_jumps_of_a_command_are_no_gap(motion):
+    answer = mbexport.diagnose("planar2r", [recorded(motion, seed=seed) for seed in (1, 2)], level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("no_gap", ())
+
+
+def test_a_cause_is_found_under_commands_that_jump():
+    runs = [recorded(steps, RUBS, seed) for seed in (1, 2)]
+    answer = mbexport.diagnose("planar2r", runs, level="rigid", backends=[])
+    (found,) = answer.which
+    assert (answer.verdict, found.effect, found.at) == ("explained", "coulomb_friction", "joint_1")
+    low, high = found.parameters["torque"].ci95
+    assert low < 1.6 < high < low + 0.2
