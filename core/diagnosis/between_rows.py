@@ -21,8 +21,9 @@ from ..recording import Run
 from ..simulation import Backend
 from .evidence import Between, Evidence, Voice, coefficients, differences
 from .model import Rows, robot_of
+from .polish import STIFFER
 from .prepare import Prepared, prepared
-from .resimulate import each_simulated, rattles, resimulated
+from .resimulate import each_simulated, rattles, resimulated, steps_of
 
 Vector = NDArray[np.float64]
 
@@ -67,13 +68,19 @@ def _of_a_run(
     database: Database, level: str, run: Run, evidence: Evidence, number: int, rows: Rows, backend: Backend | str
 ) -> Between:
     robot, nominal = robot_of(database, level, run, rows), robot_of(database, level, run)
-    # where an arm flies in its play no simulation knows when it hits
-    if run.control.mode != "pd" or run.locked or rattles(robot):
+    if run.control.mode != "pd" or run.locked:
         return {}
+    known = evidence.between_of(number)
+    # where an arm flies in its play no simulation knows when it hits
+    if rattles(robot):
+        return known
     try:
+        # and what is far stiffer than the robot as it is known hardly moves otherwise
+        if robot != nominal and steps_of(robot, run, backend) > STIFFER * steps_of(nominal, run, backend):
+            return known
         simulated = resimulated(robot, nominal, run, backend)
     except MbexportError:
-        return evidence.between_of(number)
+        return known
     ready, creep = evidence.runs[number], evidence.creeps[number]
     own = prepared(run, ready.band, _instead(ready, simulated))
     left = differences(own, Voice(robot, evidence.nominals[number], creep).says(own))

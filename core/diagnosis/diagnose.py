@@ -43,7 +43,7 @@ from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .growing import without_growing
 from .held import HELPS, NOT_EXCITED, UNREAL, Held
 from .how_far import name_of
-from .in_simulation import closed_in_simulation
+from .in_simulation import closed_in_simulation, late_in_simulation
 from .judge import Judge
 from .model import Rows, level_rows, robot_of
 from .moments import with_moments
@@ -398,14 +398,22 @@ class _Diagnosing:
         What the robot as it is known does there is not what it does with the largest cause: of a command that jumps, a
         load leaves more of that than most causes are.
         """
+        if hides(state.problem.evidence) and (late := late_in_simulation(judge, state)):
+            state.found = [late]
+            state, judge = self._settled(state, judge)
         for _ in range(MOST_HIDDEN):
             if not hides(state.problem.evidence) or not one_cause_more(state, self._found_so_far):
                 break
-            for _ in range(HEARD):
-                whole = self._between(judge.whole, judge.runs, rows_of(state.found))
-                if whole is judge.whole:
-                    break
-                state, judge = self._asked_anew(state, judge, whole)
+            state, judge = self._settled(state, judge)
+        return state, judge
+
+    def _settled(self, state: Search, judge: Judge) -> tuple[Search, Judge]:
+        """What was found and what happens between rows with it, each as the other has it."""
+        for _ in range(HEARD):
+            whole = self._between(judge.whole, judge.runs, rows_of(state.found))
+            if whole is judge.whole:
+                break
+            state, judge = self._asked_anew(state, judge, whole)
         return state, judge
 
     def _heard(self, state: Search, judge: Judge) -> tuple[Search, Judge]:

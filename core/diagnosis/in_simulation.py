@@ -94,6 +94,25 @@ def _closing(judge: Judge, held: Held, state: Search) -> list[Found]:
     return list(best.values())[:MOST_CLOSING]
 
 
+def late_in_simulation(judge: Judge, state: Search) -> Found | None:
+    """The delay that closes most of the gap in simulation, where one does.
+
+    Under a command that jumps, what happens between rows is later with it, and hides it from the measured motion.
+    """
+    judge.tell("whether a delay would close the gap in simulation")
+    way = judge.ways[0]
+    part, whiten = judge.whole.only(way.seen), judge.whiten.only(judge.whole.evidence.places(way.seen))
+    tried = [option for option in beside(state, ()) if option.effect == "delay"]
+    fit = refined(part, whiten, (), blocks(part.evidence))
+    seen = [judge.runs[k] for k in way.seen]
+    try:
+        now, left = closing(part, judge.level, seen, fit, [rows_of([option]) for option in tried], judge.backend)
+    except RefusedError:
+        return None
+    best = min(range(len(tried)), key=lambda k: left[k], default=None)
+    return tried[best] if best is not None and left[best] < CLOSES * now else None
+
+
 def _soft_drives(judge: Judge, state: Search, found: Sequence[Found]) -> list[Found]:
     """Drives of the loudest joints that give, from hard to soft.
 

@@ -104,11 +104,15 @@ def test_of_a_smooth_command_there_is_next_to_nothing():
     assert float(np.mean(change**2)) < 0.2
 
 
-def test_without_a_controller_and_with_play_none_is_known():
+def test_without_a_controller_none_is_known_and_with_play_or_what_is_far_stiffer_no_other():
     run = recorded(steps)
     evidence = problem(PLANAR, "rigid", [run]).evidence
     plays = {"backlash": (EffectRow(1, FrozenMap({"gap": 0.002, "stiffness": 1e5, "damping": 10.0})),)}
     assert between_rows(PLANAR, "rigid", [run], evidence, plays, "mjcf") is evidence
+    before = between_rows(PLANAR, "rigid", [run], evidence, {}, "mjcf")
+    hard = {"joint_compliance": (EffectRow(1, FrozenMap({"stiffness": 1e9, "damping": 1.0})),)}
+    for rows in (plays, hard):
+        assert between_rows(PLANAR, "rigid", [run], before, rows, "mjcf") is before
     unknown = replace(run, control=Control("unknown"))
     evidence = problem(PLANAR, "rigid", [unknown]).evidence
     assert between_rows(PLANAR, "rigid", [unknown], evidence, {}, "mjcf") is evidence
@@ -127,3 +131,13 @@ def test_a_cause_is_found_under_commands_that_jump():
     assert (answer.verdict, found.effect, found.at) == ("explained", "coulomb_friction", "joint_1")
     low, high = found.parameters["torque"].ci95
     assert low < 1.6 < high < low + 0.2
+
+
+def test_a_delay_that_moves_what_happens_between_rows_is_found():
+    """Along the motion the true delay leaves more than none, until what happens between rows is that with it."""
+    rows = {"delay": (EffectRow(0, FrozenMap({"time": 0.003})),)}
+    runs = [recorded(steps, rows, seed, level="friction") for seed in (1, 2)]
+    answer = mbexport.diagnose("planar2r", runs, level="friction", backends=[])
+    (found,) = answer.which
+    assert (answer.verdict, found.effect) == ("explained", "delay")
+    assert found.parameters["time"].value == pytest.approx(0.003, abs=2e-5)
