@@ -306,7 +306,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
     for number, (run, nominal, creep) in enumerate(zip(ready, nominals, creeps, strict=True)):
         voice = Voice(nominal, nominal, creep)
         values = differences(run, voice.says(run))
-        mask = masks_of(run, values, creep, sticking(nominal))
+        mask = _masks(run, values, creep, sticking(nominal))
         masks.append(mask)
         noise, mix, asked = _noise(run, voice, values, mask)
         mixes.append(mix)
@@ -335,7 +335,7 @@ def sticking(robot: Robot) -> NDArray[np.bool_]:
     return np.array([sticks(stage.drive) for stage in robot.stages])
 
 
-def masks_of(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArray[np.bool_]) -> dict[str, Vector]:
+def _masks(run: Prepared, values: dict[str, Vector], creep: Vector, stuck: NDArray[np.bool_]) -> dict[str, Vector]:
     """What counts: no edges, no holes, and no joint that stands or turns back, where friction is between its levels."""
     masks: dict[str, Vector] = {}
     ndimage: Any = import_module("scipy.ndimage")

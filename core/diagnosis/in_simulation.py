@@ -69,9 +69,6 @@ def _closing(judge: Judge, held: Held, state: Search) -> list[Found]:
     With the log evidence that it has there for its gain, which must be that of a finding: of a gap that is next to
     none most is soon taken.
     """
-    judge.tell("what would close the gap in simulation")
-    way = judge.ways[0]
-    part, whiten = judge.whole.only(way.seen), judge.whiten.only(judge.whole.evidence.places(way.seen))
     rows = held.unseen.rows[0] if held.found else ()
     found = [replace(item, row=row) for item, row in zip(held.found, rows, strict=True)]
     options = beside(state, found)
@@ -79,15 +76,11 @@ def _closing(judge: Judge, held: Held, state: Search) -> list[Found]:
     tried = [*late, *[option for option in options if option.effect != "delay"][:MOST_OPTIONS]]
     if held.open > MOSTLY:
         tried += _soft_drives(judge, state, found)
-    fit = refined(part, whiten, found, blocks(part.evidence))
-    seen = [judge.runs[k] for k in way.seen]
-    try:
-        now, left = closing(part, judge.level, seen, fit, [rows_of([option]) for option in tried], judge.backend)
-    except RefusedError:
-        return []
+    now, left = _left_with(judge, found, tried)
     best: dict[tuple[str, int], Found] = {}
+    count = len(judge.whole.evidence.places(judge.ways[0].seen))
     for energy, k in sorted((energy, k) for k, energy in enumerate(left) if energy < CLOSING * now):
-        spread = 1.0 + max(energy, 0.0) / len(part.evidence.weights)
+        spread = 1.0 + max(energy, 0.0) / count
         gain = 0.5 * (now - energy) / spread
         if gain >= THRESHOLD:
             best.setdefault(tried[k].key, replace(tried[k], gain=gain))
@@ -99,18 +92,26 @@ def late_in_simulation(judge: Judge, state: Search) -> Found | None:
 
     Under a command that jumps, what happens between rows is later with it, and hides it from the measured motion.
     """
-    judge.tell("whether a delay would close the gap in simulation")
-    way = judge.ways[0]
-    part, whiten = judge.whole.only(way.seen), judge.whiten.only(judge.whole.evidence.places(way.seen))
     tried = [option for option in beside(state, ()) if option.effect == "delay"]
-    fit = refined(part, whiten, (), blocks(part.evidence))
-    seen = [judge.runs[k] for k in way.seen]
-    try:
-        now, left = closing(part, judge.level, seen, fit, [rows_of([option]) for option in tried], judge.backend)
-    except RefusedError:
-        return None
-    best = min(range(len(tried)), key=lambda k: left[k], default=None)
+    now, left = _left_with(judge, (), tried)
+    best = min(range(len(left)), key=lambda k: left[k], default=None)
     return tried[best] if best is not None and left[best] < CLOSES * now else None
+
+
+def _left_with(judge: Judge, found: Sequence[Found], tried: Sequence[Found]) -> tuple[float, Sequence[float]]:
+    """Sum of squares above noise that simulated fitted runs leave with findings, and with each of some options more.
+
+    0 and () where the engine refuses, or would take longer than anybody waits.
+    """
+    judge.tell("what would close the gap in simulation")
+    seen = judge.ways[0].seen
+    part, whiten = judge.whole.only(seen), judge.whiten.only(judge.whole.evidence.places(seen))
+    fit = refined(part, whiten, found, blocks(part.evidence))
+    options = [rows_of([option]) for option in tried]
+    try:
+        return closing(part, judge.level, [judge.runs[k] for k in seen], fit, options, judge.backend)
+    except RefusedError:
+        return 0.0, ()
 
 
 def _soft_drives(judge: Judge, state: Search, found: Sequence[Found]) -> list[Found]:

@@ -374,21 +374,28 @@ def _moving_at_first(run: Run) -> tuple[Vector, Vector] | None:
         good = np.isfinite(column)
         if good.sum() < 4:
             return None
-        t, values = run.t[first][good], column[good]
         for degree in DEGREES:
-            terms = np.vander(t / t[-1], degree + 1, increasing=True)
-            covariance = np.linalg.inv(terms.T @ terms)
-            amounts = covariance @ (terms.T @ values)
-            q[i], dq[i], spread[i] = amounts[0], amounts[1] / t[-1], float(np.sqrt(covariance[1, 1])) / t[-1]
+            q[i], dq[i], spread[i], misses = _begun(run.t[first][good], column[good], degree)
             # noise is asked for where it matters: to know it takes as long as a simulation
-            if abs(dq[i]) <= FAST * fastest[i] or len(t) <= degree + 2:
-                break
-            left = values - terms @ amounts
-            if float(left @ left) <= MISSES**2 * float(noise_in(run, "q").sigma[i]) ** 2 * (len(t) - degree - 1):
+            if abs(dq[i]) <= FAST * fastest[i] or misses <= MISSES * float(noise_in(run, "q").sigma[i]):
                 break
     fast = np.abs(dq) > FAST * fastest
     moves = fast.any() and fast & (np.abs(dq) > PLAIN * spread * noise_in(run, "q").sigma) & _agrees(run, dq)
     return (q, dq) if np.any(moves) else None
+
+
+def _begun(t: Vector, values: Vector, degree: int) -> tuple[float, float, float, float]:
+    """Position and speed at t = 0 by a polynomial, the speed's error for noise of 1, and what it misses, rms.
+
+    Nothing is missed where it has hardly fewer numbers than there are rows.
+    """
+    terms = np.vander(t / t[-1], degree + 1, increasing=True)
+    covariance = np.linalg.inv(terms.T @ terms)
+    amounts = covariance @ (terms.T @ values)
+    left = values - terms @ amounts
+    spare = len(t) - degree - 1
+    misses = math.sqrt(float(left @ left) / spare) if spare > 1 else 0.0
+    return float(amounts[0]), float(amounts[1]) / t[-1], math.sqrt(covariance[1, 1]) / t[-1], misses
 
 
 def _agrees(run: Run, dq: Vector) -> NDArray[np.bool_]:
