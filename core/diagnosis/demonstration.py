@@ -25,7 +25,7 @@ from .nuisances import whitening
 from .problem import Problem
 from .sensed import noise_in
 from .tried import ALIKE_SHARE
-from .words import capitalised, cause_in_words
+from .words import capitalised, cause_in_words, percent
 
 Vector = NDArray[np.float64]
 
@@ -61,6 +61,11 @@ class Shown:
         if self.told:
             return (
                 f"{capitalised(truth)} simulated is found as such: {other} falls {self.gain:.0f} short in log evidence."
+            )
+        if self.gain >= THRESHOLD:
+            return (
+                f"{capitalised(truth)} simulated is hardly told from {other}, which falls {self.gain:.0f} short in log "
+                f"evidence but leaves less than {percent(ALIKE_SHARE)} more of what {truth} does there."
             )
         return f"{capitalised(truth)} simulated is not told from {other}: log evidence {self.gain:.1f}."
 

@@ -76,6 +76,10 @@ def test_an_engine_shows_too_what_a_motion_leaves_open(asked, friction):
     outcomes = shown(friction, asked, [ROTOR, ARM])
     assert not any(one.told for one in outcomes)
     assert "is not told from" in outcomes[0].words
+    # what evidence tells and next to no energy does is neither told nor untold
+    hardly = replace(outcomes[0], gain=57.7, share=0.002)
+    assert not hardly.told
+    assert "is hardly told from" in hardly.words and "58 short" in hardly.words and "than 1 % more" in hardly.words
     with pytest.raises(UsageError, match="no motion"):
         shown(Experiment(None, "", (), ""), asked, [ROTOR, ARM])
 
