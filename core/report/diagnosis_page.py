@@ -223,7 +223,7 @@ class DiagnosisHowFar(Section):
         refused = sorted(how_far.refused.items())
         refused += [(n, "no figure") for n, s in how_far.backends.items() if s is None and n not in how_far.refused]
         without = [
-            (capitalised(cause_in_words(*name.split(" ", 1))), _bar(share))
+            (cause_in_words(*name.split(" ", 1)), _bar(share))
             for name, share in how_far.without.items()
             if share is not None and " " in name
         ]
