@@ -90,10 +90,14 @@ def _closing(judge: Judge, held: Held, state: Search) -> list[Found]:
 def late_in_simulation(judge: Judge, state: Search) -> Found | None:
     """The delay that closes most of the gap in simulation, where one does.
 
-    Under a command that jumps, what happens between rows is later with it, and hides it from the measured motion.
+    Under a command that jumps, what happens between rows is later with it, and hides it from the measured motion. What
+    the shortest leaves, as far as it goes on in a line, says whether any of them may close it.
     """
-    tried = [option for option in beside(state, ()) if option.effect == "delay"]
-    now, left = _left_with(judge, (), tried)
+    late = (option for option in beside(state, ()) if option.effect == "delay")
+    tried = sorted(late, key=lambda option: option.row.values["time"])
+    now, left = _left_with(judge, (), tried[:1])
+    if left and left[0] < CLOSING * now:
+        now, left = _left_with(judge, (), tried)
     best = min(range(len(left)), key=lambda k: left[k], default=None)
     return tried[best] if best is not None and left[best] < CLOSES * now else None
 

@@ -9,8 +9,10 @@ import mbexport
 from mbexport.core.build import assembled
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis import in_simulation
 from mbexport.core.diagnosis.between_rows import between_rows, hides
 from mbexport.core.diagnosis.model import level_rows, merged
+from mbexport.core.diagnosis.polish import closing
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.effects import EffectRow
 from mbexport.core.motion import from_table
@@ -124,10 +126,19 @@ def test_jumps_of_a_command_are_no_gap(motion):
     assert (answer.verdict, answer.which) == ("no_gap", ())
 
 
-def test_a_cause_is_found_under_commands_that_jump():
+def test_a_cause_is_found_under_commands_that_jump(monkeypatch):
+    """And of all delays the shortest alone is simulated, which closes nothing."""
+    tried: list[int] = []
+
+    def counted(part, level, runs, fit, options, backend):
+        tried.append(len(options))
+        return closing(part, level, runs, fit, options, backend)
+
+    monkeypatch.setattr(in_simulation, "closing", counted)
     runs = [recorded(steps, RUBS, seed) for seed in (1, 2)]
     answer = mbexport.diagnose("planar2r", runs, level="rigid", backends=[])
     (found,) = answer.which
+    assert tried == [1]
     assert (answer.verdict, found.effect, found.at) == ("explained", "coulomb_friction", "joint_1")
     low, high = found.parameters["torque"].ci95
     assert low < 1.6 < high < low + 0.2
