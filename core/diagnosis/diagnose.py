@@ -39,7 +39,7 @@ from .experiment import Experiment, design
 from .fit import blocks
 from .forms import DROOPS_SAID, SOFTLY_SAID, STIFFENS_SAID, TWICE_SAID
 from .found import Found, rows_of
-from .gap import LEVEL, Gap, gap_of, shows, shows_in_band, shows_plainly
+from .gap import LEVEL, PLAIN, PLAIN_IN_BAND, Gap, gap_of, shows, shows_in_band, shows_plainly
 from .growing import without_growing
 from .held import HELPS, NOT_EXCITED, UNREAL, Held
 from .how_far import name_of
@@ -59,12 +59,13 @@ from .refine import BEARING, Refined, in_one_turn, range_of, refined
 from .resimulate import each_simulated, residuals, resimulated
 from .scores import scores
 from .search import one_cause_more, search
-from .stamps import shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
+from .stamps import TORQUES, shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
 from .state import BEYOND_DOUBT, Search, part_open, prune
 from .suspect import Suspect
 from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE
+from .unresolved import resolved
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .warming import with_warming
 from .words import cause_in_words, percent, variable_in_words
@@ -248,7 +249,7 @@ class _Diagnosing:
             cut: Names of those that are cut in time once they are put right; a single run always is.
             beside: What is no physics and stands beside effects: it is put right first.
         """
-        given = known_together([*runs, *holdout])
+        given = [resolved(run) for run in known_together([*runs, *holdout])]
         notes: list[str] = [beside.beside_said(given)] if beside else []
         given = [beside.change(run) for run in given] if beside else given
         righted, before, numerical = self._ready(given, notes)
@@ -267,8 +268,10 @@ class _Diagnosing:
         parts = blocks(seen.evidence)
         # windows of half a second show less of what rings than the measured motion
         loud = before.chance < LEVEL and (fitted.chance < HARDLY or shows(state.left, parts))
+        quiet = fitted.is_noise
         if judge.by_bands:
             loud = shows_in_band(state.left, parts)
+            quiet = not loud
         looking = numerical == "none" and loud and len(state.left) > 0
         if looking:
             state, judge = self._one_by_one(state, judge)
@@ -288,24 +291,28 @@ class _Diagnosing:
             fit, names = self._names(state, held.found)
         experiment = self._next(state, held.found, names)
         along = whiten(whole.residual({})), blocks(whole.evidence)
-        seen_too = not len(whole.evidence.weights) or (shows_in_band if judge.by_bands else shows)(*along)
-        if not len(whole.evidence.weights):
+        compared = len(whole.evidence.weights) > 0
+        seen_too = not compared or (shows_in_band if judge.by_bands else shows)(*along)
+        if not compared:
             notes.append(ALL_STAND)
         elif not (held.found or before.is_noise or seen_too or judge.by_bands):
             notes.append(NO_PHYSICS)
         after = held.after
         # what no run that judges shows clearly is nothing to explain
         gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
+        if judge.by_bands and compared:
+            # nor is a mean square of all frequencies a judge of what a band shows
+            gap = gap or shows_in_band(*along, PLAIN_IN_BAND if all(map(torques_stated, ready)) else PLAIN)
         drowned = numerical == "none" and not gap and not held.found and shows_plainly(*along)
         if drowned:
             notes.append(PLAIN_ALONG)
         gap = numerical != "all" and (gap or drowned)
-        unheld = [] if fitted.is_noise else _unheld(state.found, held)
+        unheld = [] if quiet else _unheld(state.found, held)
         form, against = other_form(judge, held), contradicted(judge, held)
         verdict = _verdict(held, gap or bool(unheld), form, against)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
         alone = left_open and self._nearly_alone(heard, heard_whiten, ways[0], rows_of(held.found))
-        if verdict == "unexplained" and not unheld and (fitted.is_noise or alone):
+        if verdict == "unexplained" and not unheld and (quiet or alone):
             notes.append(UNSEEN)
         elif verdict == "unexplained" and not gap:
             notes.append(UNHELD.format(names=" and ".join(f"{item.effect} at {item.place}" for item in unheld)))
@@ -385,7 +392,8 @@ class _Diagnosing:
                 continue
             other = search(state.without(out), self._found_so_far)
             again = judge.held(other.found)
-            if again.by > held.by + HELPS and (again.adequate or not closes):
+            better = again.open < held.open - HELPS if judge.by_bands else again.by > held.by + HELPS
+            if better and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
         if looking:
@@ -618,6 +626,11 @@ def _drawable(overlay: Overlay, since: float) -> Overlay:
         after=curves(overlay.after),
         noise={name: sigma for name, sigma in overlay.noise.items() if name != "ee_rot"},
     )
+
+
+def torques_stated(run: Run) -> bool:
+    """Whether the noise of all that a run has of torques is stated."""
+    return all(name in run.noise for name in TORQUES if run.has(name))
 
 
 def outside_names(found: Sequence[Found]) -> list[str]:

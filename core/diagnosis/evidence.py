@@ -33,6 +33,8 @@ Between = Mapping[str, Sequence[Vector]]
 DRAWS = 4
 # one sample in so many may be left out of a transform
 FEW = 200
+# part of a channel's rows that must count, or none does: a few beside what does not may be the tails of that
+LEAST_COMPARED = 0.03
 # neighbouring coefficients share their noise's estimate, over this part of the band at either side
 NEIGHBOURS = 0.04
 SEED = 20131115
@@ -313,7 +315,7 @@ def gather(runs: Sequence[Run], nominals: Sequence[Robot]) -> Evidence:
         asks.append(asked)
         for signal, columns in noise.items():
             for index, sigma in enumerate(columns):
-                if not mask[signal][:, index].any():
+                if mask[signal][:, index].mean() < LEAST_COMPARED:
                     continue
                 channels.append(Channel(number, signal, index, place, place + len(sigma)))
                 weights.append(1.0 / sigma)

@@ -21,8 +21,8 @@ Vector = NDArray[np.float64]
 LEVEL = 0.01
 # mean squares, in units of noise, that are more than noise not well known: of a channel, and of one of its bands
 SHOWS, SHOWS_IN_BAND, SHORTEST_BAND = 2.0, 5.0, 6
-# of a channel, what no noise is known so badly as to leave
-PLAIN = 40.0
+# of a channel, what no noise is known so badly as to leave, and of a band where it is stated
+PLAIN, PLAIN_IN_BAND = 40.0, 12.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,10 +84,10 @@ def loudest_along(left: Vector, parts: Sequence[Part]) -> float:
     return max((float(np.mean(left[a:b] ** 2)) for a, b in edges_of(parts)), default=0.0)
 
 
-def shows_in_band(left: Vector, parts: Sequence[Part]) -> bool:
+def shows_in_band(left: Vector, parts: Sequence[Part], least: float = SHOWS_IN_BAND) -> bool:
     """Whether a band of the measured motion's torques alone is far above noise, which is loud in others."""
     return any(
-        float(np.mean(left[part.first : part.last] ** 2)) > SHOWS_IN_BAND
+        float(np.mean(left[part.first : part.last] ** 2)) > least
         for part in parts
         if part.last - part.first >= SHORTEST_BAND
     )

@@ -61,6 +61,8 @@ EXACT = 0.01
 PLAINLY = 0.2
 # log evidence on runs that no fit saw that no chance makes, of what closes most of the gap there
 NO_CHANCE = 50.0
+# part of a gap's energy along the motion of runs that no fit saw that findings may leave, where nothing else judges
+MOTION_HELPS = 0.9
 # into how many times as many steps what a spring rings at may cut a run: hard ones, and play, need ten
 FINER = 50.0
 # what gives way, and swings by itself
@@ -109,7 +111,7 @@ class Judge:
     def held(self, findings: Sequence[Found]) -> Held:
         """What of findings holds, in evidence and in simulation."""
         found, unseen, dropped = self._tame(findings)
-        failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, UNREAL)}
+        failed = {(item.effect, item.at) for item in dropped if item.why in (GONE, TOO_FAST, UNREAL)}
         how_far, overlays, after = self._how_far(found, unseen)
         small = _small(findings, dropped)
         idle = self._idle(found, unseen, how_far)
@@ -138,6 +140,11 @@ class Judge:
                 dropped, numbers = (*dropped, *more), ()
                 how_far, overlays, after = self._how_far(found, unseen)
             idle = self._idle(found, unseen, how_far, gains)
+        if found and self.by_bands and how_far.shrinks_by is None and unseen.open > MOTION_HELPS:
+            # where simulation's noise hides the gap the motion judges
+            dropped = (*dropped, *(Rejected(item.effect, item.place, GONE) for item in found))
+            found, unseen, _ = self._tame([])
+            how_far, overlays, after = self._how_far(found, unseen)
         numbers = numbers if found and unseen.rows == rows_of_splits(found, numbers) else ()
         if not found:
             # nor may what simulation alone speaks against stand in the way of what it does not

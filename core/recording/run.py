@@ -26,7 +26,8 @@ class LeftOut:
 
     Attributes:
         channel: "q_2", "tau_3", "ee", "t"; "row" where a whole row is meant.
-        reason: "not a number", "stuck", "saturated", "repeat", "gap", "jitter", "delay" (shifted beyond the record).
+        reason: "not a number", "stuck", "saturated", "repeat", "gap", "jitter", "delay" (shifted beyond the record),
+            "jump" (of a torque between rows, where no controller is known).
         first, last: Times that it spans [s], from the run's first row.
         samples: How many samples are left out; of a gap, how many are missing.
         message: The same as a sentence.
