@@ -166,9 +166,7 @@ def how_far(
         Overlay(
             run.name,
             run.t,
-            {name: run.signals[name] for name in COMMANDS if run.has(name)}
-            | {name: run.signals[name] for name in MEASURED if run.has(name)}
-            | compared(run, robot),
+            {name: run.signals[name] for name in (*_followed(run), *MEASURED) if run.has(name)} | compared(run, robot),
             before,
             after,
             noise.sigma,
@@ -177,6 +175,11 @@ def how_far(
         for run, robot, noise, before, after in zip(runs, robots, noises, steps[0], steps[-1], strict=True)
     )
     return answer, overlays
+
+
+def _followed(run: Run) -> Sequence[str]:
+    """The commands that a run's motion stands for: nobody knows how an unknown controller follows its own."""
+    return () if mode_of(run) == "unknown" else COMMANDS
 
 
 def _heard(run: Run, robot: Robot, noise: Noise, after: Simulated, unsure: Mapping[str, Vector]) -> Noise:

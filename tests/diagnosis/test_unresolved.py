@@ -71,6 +71,8 @@ def test_a_cause_is_found_between_them():
     assert (answer.verdict, found.effect, found.at) == ("explained", "coulomb_friction", "joint_1")
     low, high = found.parameters["torque"].ci95
     assert low < 1.6 < high < low + 0.2
+    # a page draws the gap against the motion that was measured
+    assert all("dq" in overlay.measured and "q_cmd" not in overlay.measured for overlay in answer.overlays)
 
 
 def test_what_a_band_shows_is_a_gap_though_a_mean_square_hides_it():
