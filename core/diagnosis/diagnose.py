@@ -302,7 +302,7 @@ class _Diagnosing:
         gap = not before.is_noise and seen_too and held.how_far.shrinks_by is not None
         if judge.by_bands and compared:
             # nor is a mean square of all frequencies a judge of what a band shows
-            gap = gap or shows_in_band(*along, PLAIN_IN_BAND if all(map(torques_stated, ready)) else PLAIN)
+            gap = gap or shows_in_band(*along, PLAIN_IN_BAND if all(map(_torques_stated, ready)) else PLAIN)
         drowned = numerical == "none" and not gap and not held.found and shows_plainly(*along)
         if drowned:
             notes.append(PLAIN_ALONG)
@@ -392,7 +392,9 @@ class _Diagnosing:
                 continue
             other = search(state.without(out), self._found_so_far)
             again = judge.held(other.found)
-            better = again.open < held.open - HELPS if judge.by_bands else again.by > held.by + HELPS
+            # where noise of accelerations hides how far, what is open is known along the motion
+            closer = judge.by_bands and again.open < held.open - HELPS
+            better = closer or again.by > held.by + HELPS
             if better and (again.adequate or not closes):
                 state, held = other, replace(again, dropped=(*held.dropped_but(again), *again.dropped))
                 break
@@ -628,14 +630,14 @@ def _drawable(overlay: Overlay, since: float) -> Overlay:
     )
 
 
-def torques_stated(run: Run) -> bool:
-    """Whether the noise of all that a run has of torques is stated."""
-    return all(name in run.noise for name in TORQUES if run.has(name))
-
-
 def outside_names(found: Sequence[Found]) -> list[str]:
     """What else findings may be that is in no catalogue."""
     return [RINGS] if any(item.effect == BEARING for item in found) else []
+
+
+def _torques_stated(run: Run) -> bool:
+    """Whether the noise of all that a run has of torques is stated."""
+    return all(name in run.noise for name in TORQUES if run.has(name))
 
 
 def _unheld(found: Sequence[Found], held: Held) -> list[Found]:

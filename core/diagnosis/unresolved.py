@@ -53,6 +53,7 @@ def resolved(run: Run) -> Run:
         values = run.signals[name].copy()
         for i in range(run.n):
             rows = _about_jumps(values[:, i], float(noise_in(run, name).sigma[i]), matters, rings)
+            rows &= np.isfinite(values[:, i])
             if 0.0 < rows.mean() < MOST:
                 named.append(_left_out(f"{name}_{i + 1}", run.t[rows]))
                 values[rows, i] = np.nan
