@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import LeftOut, Run
-from .prepare import band_of
+from .prepare import band_of, widened
 from .resimulate import mode_of
 from .sensed import noise_in
 from .stamps import TORQUES
@@ -82,9 +82,9 @@ def _about_jumps(values: Vector, sigma: float, matters: float, rings: int) -> ND
     left = MISSED * float(np.sum(fast[jumps] ** 2)) / OF_A_JUMP
     if not left > matters * len(values) * sigma**2:
         return about
-    for row in range(len(DIFFERENCES)):
-        about[row : row + len(jumps)] |= jumps
-    return np.asarray(ndimage.binary_dilation(about, np.ones(2 * rings + 1, dtype=bool)))
+    reach = len(DIFFERENCES) // 2
+    about[reach:-reach] = jumps
+    return widened(about[:, None], reach + rings)[:, 0]
 
 
 def _left_out(channel: str, t: Vector) -> LeftOut:
