@@ -11,10 +11,8 @@ import sys
 import threading
 from functools import cache
 from importlib import import_module
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..core.errors import RefusedError
 from ..core.simulation import imposed
 from ..core.simulation.by_address import (
     ENGINE,
@@ -31,6 +29,7 @@ from ..core.simulation.by_address import (
     source_stamp,
 )
 from ..core.simulation.compiled import as_it_stands
+from .mujoco_call import library
 
 # motor sides are moved by torque, by torque with friction under load, or by a motion
 WAYS = ("torque", "load", "motion")
@@ -39,7 +38,6 @@ _LOAD, _MOTION = (WAYS.index(way) for way in ("load", "motion"))
 _numba: Any = import_module("numba")
 _types: Any = _numba.types
 _ir: Any = import_module("llvmlite.ir")
-_mujoco: Any = import_module("mujoco")
 
 (
     WAY,  # which of WAYS
@@ -258,28 +256,7 @@ def callback() -> Callback:
     Raises:
         RefusedError: MuJoCo is not installed as its Python package brings it.
     """
-    return Callback(int(_compiled().address), ctypes.c_void_p.in_dll(_library(), "mjcb_control"))
-
-
-@cache
-def step_address() -> int:
-    """Address of mj_step.
-
-    Raises:
-        RefusedError: MuJoCo is not installed as its Python package brings it.
-    """
-    step = ctypes.cast(_library().mj_step, ctypes.c_void_p).value
-    assert step is not None
-    return step
-
-
-@cache
-def _library() -> ctypes.CDLL:
-    folder = Path(str(_mujoco.__file__)).parent
-    files = sorted({*folder.glob("libmujoco.*"), *folder.glob("mujoco.dll")})
-    if not files:
-        raise RefusedError(f"MuJoCo's library is not beside its Python package in {folder}; install it from PyPI.")
-    return ctypes.CDLL(str(files[0]))
+    return Callback(int(_compiled().address), ctypes.c_void_p.in_dll(library(), "mjcb_control"))
 
 
 def take_seat(data: int, book: int, drives: Callback) -> int:

@@ -18,7 +18,9 @@ from . import mujoco_callback as at
 from .common import sheet_of
 from .driven import DrivenEngine
 from .mjcf_text import ARM_SPRING_SUFFIX, MOTOR_SUFFIX
+from .mujoco_call import address_of
 from .mujoco_follow import Followed, compiled_follow, timestep_of
+from .mujoco_poses import posed, tools_at
 
 if TYPE_CHECKING:
     from ..core.control import PdTable
@@ -91,8 +93,8 @@ class MujocoEngine(DrivenEngine):
         self._statics.dof_armature[:] = 0.0
         self._still = _mujoco.MjData(self._statics)
         self._torques = np.zeros(model.nv)
-        self._base = int(model.body("base").id)
-        self._tool = int(model.site("tool").id)
+        base, tool = int(model.body("base").id), int(model.site("tool").id)
+        self._posed = posed(self._statics, self._still, self._arm, base, tool)
 
     def _read_drives(self, names: tuple[str, ...]) -> None:
         """What the model says of the drives counts, not what the sheet beside it does."""
@@ -143,22 +145,18 @@ class MujocoEngine(DrivenEngine):
             return None
         calls = self._book.entries[at.CALLS : at.CALLS + 1]
         return Followed(
-            *(at.step_address(), self._model._address, self._address),
+            *(address_of("mj_step"), self._model._address, self._address),
             *(timestep, self._clock, calls, self._position, self._speed, self._motor, self._arm, self.command),
             *(np.zeros(self.n) for _ in range(5)),
         )
 
     def tool_in_base(self, q: Vector) -> Vector:
         """As the contract says."""
-        data = self._still
-        data.qpos[:] = 0.0
-        data.qpos[self._arm] = q
-        _mujoco.mj_kinematics(self._statics, data)
-        rotation = data.xmat[self._base].reshape(3, 3)
-        pose = np.eye(4)
-        pose[:3, :3] = rotation.T @ data.site_xmat[self._tool].reshape(3, 3)
-        pose[:3, 3] = rotation.T @ (data.site_xpos[self._tool] - data.xpos[self._base])
-        return pose
+        return self.tools_in_base(q[np.newaxis])[0]
+
+    def tools_in_base(self, q: Vector) -> Vector:
+        """As the contract says, in compiled code."""
+        return tools_at(self._posed, q)
 
     def mass_matrix(self, q: Vector) -> Vector:
         """As the contract says."""

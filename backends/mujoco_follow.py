@@ -5,22 +5,18 @@ from __future__ import annotations
 import ctypes
 import math
 from functools import cache
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from ..core.control.pd_law import cut, feedback, speed, tick
 from ..core.simulation.compiled import as_it_stands, compile_text
+from .mujoco_call import called
 
 if TYPE_CHECKING:
     from ..core.control import PdTable
     from ..core.simulation.backend import Vector
     from ..core.simulation.timeline import Rows, Timeline
-
-_numba: Any = import_module("numba")
-_ir: Any = import_module("llvmlite.ir")
-_types: Any = _numba.types
 
 # a length of step that nothing else in MuJoCo's options has [s], and how far in front of gravity it may stand
 _MARK, _FLOATS = 0.000271828182845904, 32
@@ -95,7 +91,7 @@ def _follow(
             engine.clock[1] = engine.timestep[0]
             engine.calls[0] = 0
             for _ in range(steps):
-                _stepped(engine.step, engine.model, engine.data)
+                called(engine.step, engine.model, engine.data)
             time += timeline.spans[i]
             # what is no number spreads to all coordinates of a chain within a step
             if not math.isfinite(engine.speed[0]):
@@ -120,16 +116,3 @@ def _follow(
             rows.dtheta[row] = engine.dtheta
             rows.tau[row] = engine.command
     return -1, time
-
-
-def _call_step(typing: Any, step: Any, model: Any, data: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        address = _ir.IntType(64)
-        function = _ir.FunctionType(_ir.VoidType(), [address, address])
-        builder.call(builder.inttoptr(args[0], function.as_pointer()), [args[1], args[2]])
-        return context.get_dummy_value()
-
-    return _types.void(_types.intp, _types.intp, _types.intp), generate
-
-
-_stepped: Any = import_module("numba.extending").intrinsic(_call_step)

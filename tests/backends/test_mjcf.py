@@ -12,7 +12,7 @@ from mbexport.backends.mjcf import MjcfBackend
 from mbexport.backends.mujoco_engine import MujocoEngine
 from mbexport.core.control import Control
 from mbexport.core.errors import RefusedError
-from mbexport.core.kinematics import dynamics
+from mbexport.core.kinematics import dynamics, kinematics
 from mbexport.core.motion import from_table
 from mbexport.core.representation import (
     ArmSpring,
@@ -20,6 +20,7 @@ from mbexport.core.representation import (
     FrictionModel,
     Inertia,
     Joint,
+    Pose,
     Sensor,
     Shape,
     Slip,
@@ -110,6 +111,16 @@ def test_flat_bodies_are_not_refused_for_their_last_digit(random_robot, loaded):
         tensor = np.trace(second) * np.eye(3) - second
         flat = with_arm(robot, 1, inertia=Inertia.from_tensor(1.0, np.zeros(3), (tensor + tensor.T) / 2))
         loaded(flat)
+
+
+def test_the_tool_is_where_the_tables_say_at_many_positions(random_robot, loaded):
+    """On a base that is turned, in one call as in many."""
+    robot = replace(random_robot(17, 5), base=Pose.from_rpy((0.3, -0.2, 0.9), (0.4, -0.7, 1.1)))
+    engine = loaded(robot)
+    q = np.random.default_rng(17).uniform(-1.0, 1.0, (40, 5))
+    many = engine.tools_in_base(q)
+    np.testing.assert_allclose(many, kinematics(robot).tool_in_base(q), rtol=0, atol=1e-12)
+    assert np.array_equal(many, [engine.tool_in_base(row) for row in q])
 
 
 @pytest.mark.parametrize(
