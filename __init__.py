@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .core.control import Control
     from .core.database import Database, load
     from .core.diagnosis.named import diagnose
-    from .core.effects import Column, Effect, EffectRow, Law, with_drive, with_stage
+    from .core.effects import Column, Effect, EffectRow, Law, with_drive, with_drives, with_stage
     from .core.errors import InputError, MbexportError, PluginError, RefusedError, UsageError
     from .core.export import export
     from .core.importing import import_model
@@ -66,6 +66,7 @@ _HOMES = {
     "UsageError": "core.errors",
     "concepts_of": "core.simulation.concepts",
     "with_drive": "core.effects",
+    "with_drives": "core.effects",
     "with_stage": "core.effects",
 }
 
@@ -102,6 +103,7 @@ __all__ = [
     "load",
     "simulate",
     "with_drive",
+    "with_drives",
     "with_stage",
 ]
 

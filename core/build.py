@@ -161,7 +161,8 @@ def finish_drives(robot: Robot, dummy_inertia: float, *, many: bool = False) -> 
             notes.append(
                 f"{stage.joint.name}: its contact has stiffness {spring.stiffness!r} and damping {spring.damping!r}"
             )
-        stages[i] = replace(stage, drive=drive)
+        if drive is not stage.drive:
+            stages[i] = replace(stage, drive=drive)
     if needs_stick:
         rigid = np.array([0.0 if stage.drive.spring else stage.drive.inertia for stage in stages])
         mobility = np.diag(np.linalg.inv(mass_matrix + np.diag(rigid)))

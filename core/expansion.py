@@ -68,6 +68,8 @@ class Expansion:
 
     def spread(self, values: NDArray[np.float64], fill: float = 0.0) -> NDArray[np.float64]:
         """Values of the driven joints, shape (..., n), as those of all joints; the others get `fill`."""
+        if not self.passive:
+            return np.array(values, dtype=np.float64)
         out = np.full((*values.shape[:-1], self.robot.n), fill)
         out[..., list(self.driven)] = values
         return out

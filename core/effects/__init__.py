@@ -12,7 +12,7 @@ from typing import Any, cast
 from .. import plugins
 from ..errors import PluginError
 from ..representation import TERM_KINDS
-from .effect import Column, Effect, EffectRow, Law, LawFunction, in_order, with_drive, with_stage
+from .effect import Column, Effect, EffectRow, Law, LawFunction, in_order, with_drive, with_drives, with_stage
 
 __all__ = [
     "Column",
@@ -27,6 +27,7 @@ __all__ = [
     "in_order",
     "law_named",
     "with_drive",
+    "with_drives",
     "with_stage",
 ]
 

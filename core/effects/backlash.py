@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..representation import Robot, Spring
-from .effect import Column, Effect, EffectRow, with_drive
+from ..representation import Drive, Robot, Spring
+from .effect import Column, Effect, EffectRow, with_drives
 
 # what a contact without numbers of its own is: chosen in build, from the inertias on both sides
 STIFF = Spring(math.inf, math.inf)
@@ -31,15 +31,10 @@ class Backlash(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Gives the drive's spring a gap; a contact's own numbers replace the compliance's."""
-        for row in rows:
-            gap, k, b = (row.values[name] for name in ("gap", "stiffness", "damping"))
 
-            def change(spring: Spring, gap: float = gap, k: float = k, b: float = b) -> Spring:
-                return Spring(
-                    spring.stiffness if math.isinf(k) else k, spring.damping if math.isinf(b) else b, spring.gap + gap
-                )
+        def changed(drive: Drive, row: EffectRow) -> Drive:
+            spring, k, b = drive.spring or STIFF, row.values["stiffness"], row.values["damping"]
+            contact = spring.stiffness if math.isinf(k) else k, spring.damping if math.isinf(b) else b
+            return replace(drive, spring=Spring(*contact, spring.gap + row.values["gap"]))
 
-            robot = with_drive(
-                robot, row.at, lambda drive, change=change: replace(drive, spring=change(drive.spring or STIFF))
-            )
-        return robot
+        return with_drives(robot, rows, changed)

@@ -97,11 +97,13 @@ class Effect(ABC):
             robot: The robot so far; effects are applied by name, but each after those it names in `after`.
             rows: This effect's rows.
         """
-        for row in rows:
+
+        def changed(drive: Drive, row: EffectRow) -> Drive:
             parameters = tuple(row.values[column.name] for column in self.columns)
             terms = tuple(Term(self.name, law.name, law.kind, parameters) for law in self.laws)
-            robot = with_drive(robot, row.at, lambda drive, new=terms: replace(drive, terms=drive.terms + new))
-        return robot
+            return replace(drive, terms=drive.terms + terms)
+
+        return with_drives(robot, rows, changed)
 
 
 def in_order(effects: Sequence[Effect]) -> tuple[Effect, ...]:
@@ -121,6 +123,15 @@ def with_stage(robot: Robot, at: int, change: Callable[[Stage], Stage]) -> Robot
     """The robot with the stage of number `at` (from 1) changed."""
     stages = list(robot.stages)
     stages[at - 1] = change(stages[at - 1])
+    return replace(robot, stages=tuple(stages))
+
+
+def with_drives(robot: Robot, rows: Sequence[EffectRow], change: Callable[[Drive, EffectRow], Drive]) -> Robot:
+    """The robot with the drives changed at the joints of the rows, each by its row, in their order."""
+    stages = list(robot.stages)
+    for row in rows:
+        stage = stages[row.at - 1]
+        stages[row.at - 1] = replace(stage, drive=change(stage.drive, row))
     return replace(robot, stages=tuple(stages))
 
 

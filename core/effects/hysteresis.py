@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ..representation import Robot, Slip
-from .effect import Column, Effect, EffectRow, with_drive
+from ..representation import Drive, Robot, Slip
+from .effect import Column, Effect, EffectRow, with_drives
 
 MOST_SLIPS = 1000
 
@@ -32,9 +32,11 @@ class Hysteresis(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Adds the elements to the drive."""
-        for row in rows:
+
+        def changed(drive: Drive, row: EffectRow) -> Drive:
             m = int(row.values["slips"])
             torque, stiffness = row.values["torque"], row.values["stiffness"]
             slips = tuple(Slip(stiffness / m, torque * i / (m * (m + 1) / 2)) for i in range(1, m + 1))
-            robot = with_drive(robot, row.at, lambda drive, slips=slips: replace(drive, slips=drive.slips + slips))
-        return robot
+            return replace(drive, slips=drive.slips + slips)
+
+        return with_drives(robot, rows, changed)

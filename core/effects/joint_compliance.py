@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..representation import Robot, Spring
-from .effect import Column, Effect, EffectRow, with_drive
+from ..representation import Drive, Robot, Spring
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class JointCompliance(Effect):
@@ -21,11 +21,9 @@ class JointCompliance(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Puts the spring into the drive, keeping a clearance that another effect gave it."""
-        for row in rows:
-            k, b = row.values["stiffness"], row.values["damping"]
-            robot = with_drive(
-                robot,
-                row.at,
-                lambda drive, k=k, b=b: replace(drive, spring=Spring(k, b, drive.spring.gap if drive.spring else 0.0)),
-            )
-        return robot
+
+        def changed(drive: Drive, row: EffectRow) -> Drive:
+            gap = drive.spring.gap if drive.spring else 0.0
+            return replace(drive, spring=Spring(row.values["stiffness"], row.values["damping"], gap))
+
+        return with_drives(robot, rows, changed)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ..representation import ArmSpring, Robot
-from .effect import Column, Effect, EffectRow, with_drive
+from ..representation import ArmSpring, Drive, Robot
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class JointSpring(Effect):
@@ -21,11 +21,9 @@ class JointSpring(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Adds the spring to the joint's arm side."""
-        for row in rows:
+
+        def changed(drive: Drive, row: EffectRow) -> Drive:
             spring = ArmSpring(row.values["stiffness"], row.values["rest"])
-            robot = with_drive(
-                robot,
-                row.at,
-                lambda drive, spring=spring: replace(drive, arm_springs=(*drive.arm_springs, spring)),
-            )
-        return robot
+            return replace(drive, arm_springs=(*drive.arm_springs, spring))
+
+        return with_drives(robot, rows, changed)

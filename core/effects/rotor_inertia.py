@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..representation import Robot
-from .effect import Column, Effect, EffectRow, with_drive
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class RotorInertia(Effect):
@@ -18,7 +18,4 @@ class RotorInertia(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Sets the drive's inertia; the dummy part of an elastic joint is thereby replaced."""
-        for row in rows:
-            j = row.values["inertia"]
-            robot = with_drive(robot, row.at, lambda drive, j=j: replace(drive, inertia=j, dummy=False))
-        return robot
+        return with_drives(robot, rows, lambda drive, row: replace(drive, inertia=row.values["inertia"], dummy=False))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..representation import Robot
-from .effect import Column, Effect, EffectRow, with_drive
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class TorqueConstant(Effect):
@@ -21,7 +21,4 @@ class TorqueConstant(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Multiplies the drive's gain."""
-        for row in rows:
-            gain = row.values["gain"]
-            robot = with_drive(robot, row.at, lambda drive, gain=gain: replace(drive, gain=drive.gain * gain))
-        return robot
+        return with_drives(robot, rows, lambda drive, row: replace(drive, gain=drive.gain * row.values["gain"]))

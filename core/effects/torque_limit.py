@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..representation import Robot
-from .effect import Column, Effect, EffectRow, with_drive
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class TorqueLimit(Effect):
@@ -18,7 +18,4 @@ class TorqueLimit(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Sets the drive's limit."""
-        for row in rows:
-            limit = row.values["torque"]
-            robot = with_drive(robot, row.at, lambda drive, limit=limit: replace(drive, torque_limit=limit))
-        return robot
+        return with_drives(robot, rows, lambda drive, row: replace(drive, torque_limit=row.values["torque"]))

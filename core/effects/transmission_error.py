@@ -9,7 +9,7 @@ from typing import Any
 
 from ..representation import Robot
 from .backlash import STIFF
-from .effect import Column, Effect, EffectRow, Law, with_drive
+from .effect import Column, Effect, EffectRow, Law, with_drives
 
 
 def error(p: Any, t: float, theta: float, dtheta: float, q: float, dq: float, load: float) -> float:
@@ -41,6 +41,4 @@ class TransmissionError(Effect):
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Adds the laws; a rigid joint gets backlash's stiff contact, for engines know no wobbling constraint."""
         robot = super().apply(robot, rows)
-        for row in rows:
-            robot = with_drive(robot, row.at, lambda drive: replace(drive, spring=drive.spring or STIFF))
-        return robot
+        return with_drives(robot, rows, lambda drive, row: replace(drive, spring=drive.spring or STIFF))

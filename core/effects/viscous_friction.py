@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..representation import Robot
-from .effect import Column, Effect, EffectRow, with_drive
+from .effect import Column, Effect, EffectRow, with_drives
 
 
 class ViscousFriction(Effect):
@@ -18,7 +18,6 @@ class ViscousFriction(Effect):
 
     def apply(self, robot: Robot, rows: Sequence[EffectRow]) -> Robot:
         """Adds the coefficient to the drive's damping."""
-        for row in rows:
-            c = row.values["coefficient"]
-            robot = with_drive(robot, row.at, lambda drive, c=c: replace(drive, damping=drive.damping + c))
-        return robot
+        return with_drives(
+            robot, rows, lambda drive, row: replace(drive, damping=drive.damping + row.values["coefficient"])
+        )
