@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..simulation.drive_law import ERROR, call_law, flat_memory, memory_torques
+from ..simulation.drive_law import ERROR, call_law, drive_torques, flat_memory
 
 
 def drives_along(
@@ -25,17 +25,25 @@ def drives_along(
         on_arm: Out, shape (m, n).
     """
     memory = flat_memory(numbers, counts)
+    table, stick_anchor, slip_anchor = memory.table, memory.stick_anchor, memory.slip_anchor
+    transmitted, reaction = memory.transmitted, memory.reaction
     for k in range(len(t)):
-        for i in range(q.shape[1]):
-            memory.q[i] = q[k, i]
-            memory.dq[i] = dq[k, i]
-            memory.theta[i] = theta[k, i]
-            memory.dtheta[i] = dtheta[k, i]
-            memory.load[i] = load[k, i]
-        memory_torques(memory, t[k], True)
-        for i in range(q.shape[1]):
-            friction[k, i] = memory.friction[i]
-            on_arm[k, i] = memory.on_arm[i]
+        drive_torques(
+            table,
+            stick_anchor,
+            slip_anchor,
+            t[k],
+            q[k],
+            dq[k],
+            theta[k],
+            dtheta[k],
+            load[k],
+            transmitted,
+            reaction,
+            friction[k],
+            on_arm[k],
+            True,
+        )
 
 
 def errors_along(numbers: Any, counts: Any, t: Any, theta: Any, dtheta: Any, error: Any) -> None:

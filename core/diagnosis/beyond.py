@@ -133,6 +133,8 @@ def asked_to_give(torque: Vector, gain: Vector, droop: Vector) -> Vector:
         gain: Of a small torque, shape (n,).
         droop: [1/(N m)^2 or 1/N^2], shape (n,).
     """
+    if not droop.any():
+        return torque / gain
     kept = np.maximum(gain**2 - 2.0 * droop * torque**2, (LEAST_KEPT * gain) ** 2)
     return np.asarray(torque / np.copysign(np.sqrt(kept), gain), dtype=np.float64)
 

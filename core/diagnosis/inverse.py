@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib import import_module
 from typing import Any
@@ -13,22 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..control.controller import feedforward_along
-from ..expansion import Expansion, expanded
-from ..kinematics import Dynamics, dynamics, rigid_body
-from ..representation import Drive, FrictionModel, Robot, Sensor
-from ..simulation.compiled import as_it_stands, compile_text, uses_load
-from ..simulation.drive_sheet import DriveSheet
+from ..expansion import Expansion
+from ..kinematics import Dynamics, rigid_body
+from ..representation import Drive, Robot
+from ..simulation.compiled import as_it_stands, compile_text
 from ..simulation.drives import Drives
 from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
+from .mechanism import Bodies, Itself, Mechanism, Rubbing, mechanism_of, rubbing_of
 from .prepare import Prepared, creep_of, filtered, lowpass, ticks_a_row
-from .starting_side import Witness, clearance_of
+from .starting_side import Witness
 
 Vector = NDArray[np.float64]
 
-# full at so many times the speed by which it is smoothed: tanh(5) = 0.9999
-FULL = 5.0
 # of its largest torque, a motor with less bears little
 LIGHT = 0.1
 # a joint that stands for this part of a run stands most of the time, and does not where it moves for so long [s]
@@ -41,6 +39,8 @@ WHOLE = 1.0e-6
 BESIDE = 1.0e-6
 # motions of bodies that are kept, so that effects which change none of them need not work them out again
 _REMEMBERED = 24
+# and what rubs in single joints
+_JOINTS = 8 * _REMEMBERED
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,22 +90,21 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
         creep: Speed below which a joint counts as standing, where friction is between its levels, shape (n,).
         beyond: What it has beyond the catalogue's laws.
     """
-    moved = _moved(_bodies(robot), run, of_springs(beyond), _asked_by(robot, nominal))
-    whole = expanded(robot, imposed=True)
-    driven = list(whole.driven)
+    machine = mechanism_of(robot)
+    whole, driven = machine.whole, list(machine.whole.driven)
+    moved = _moved(machine.bodies, run, of_springs(beyond), _asked_by(machine, nominal))
     clamped = [driven[joint - 1] for joint in run.run.locked]
-    sheet, smooth = _rubbing(whole.robot), tuple(whole.spread(creep, 1.0).tolist())
-    if _by_motors_alone(whole.robot):
-        offsets = tuple(stage.sensor.position_offset for stage in robot.stages)
-        friction, on_arm = _rubbed(sheet, run, offsets, smooth)
+    if machine.by_motors:
+        friction, on_arm = _rubbed(machine.by_motors, run, machine.offsets, creep)
         passed = moved.load - _but(on_arm, clamped)
     else:
-        friction, passed = _rubbed_beside(sheet, run, moved, smooth, clamped)
-    passed, friction, slope = passed[:, driven], friction[:, driven], moved.slope[:, driven]
+        friction, passed = _rubbed_beside(machine, run, moved, creep, clamped)
+    slope, q = moved.slope, moved.q
+    if whole.passive:
+        passed, friction, slope, q = (values[:, driven] for values in (passed, friction, slope, q))
     imposed = run.run.control.mode in ("motion", "unknown")
-    inertia = np.array([0.0 if imposed and stage.drive.dummy else stage.drive.inertia for stage in robot.stages])
-    gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in robot.stages])
-    bias = np.array([stage.sensor.torque_offset for stage in robot.stages])
+    inertia = np.where(machine.dummies, 0.0, machine.rotors) if imposed else machine.rotors
+    gain = machine.gain if run.gains_act else np.ones(robot.n)
     droop = np.array(at_joints(beyond, CONSTANT, robot.n)) if run.gains_act else np.zeros(robot.n)
     tau = asked_to_give(inertia * run.ddq + friction + (1.0 + slope) * passed, gain, droop)
     if not imposed:
@@ -117,13 +116,19 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
         if early > 0.0:
             # late by other than whole ticks, what acts at a tick acts for a part of one
             tau = tau - early * _slow(change, run)
-    limits = tuple(stage.drive.torque_limit for stage in robot.stages)
     asked = _asked(
-        run, nominal, robot.kp_factor, robot.kd_factor, robot.delay, limits, at_joints(beyond, LIMIT, robot.n)
+        run,
+        Itself(nominal),
+        robot.kp_factor,
+        robot.kd_factor,
+        robot.delay,
+        machine.limits,
+        at_joints(beyond, LIMIT, robot.n),
     )
-    if run.run.control.mode == "pd" and (more := _fed_forward(run, nominal)[1]) is not None:
+    if run.run.control.mode == "pd" and (more := _fed_forward(run, Itself(nominal))[1]) is not None:
         tau = tau + more
-    return Said(tau + bias, passed, moved.q[:, driven], moved.tool, moved.turn, None if asked is None else asked + bias)
+    bias = machine.bias
+    return Said(tau + bias, passed, q, moved.tool, moved.turn, None if asked is None else asked + bias)
 
 
 def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:
@@ -132,13 +137,14 @@ def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vec
     Returns:
         Of all joints, those of soft arms and bearings too, shape (m, k) each.
     """
-    moved = _moved(_bodies(robot), run, (), _asked_by(robot, nominal))
+    machine = mechanism_of(robot)
+    moved = _moved(machine.bodies, run, (), _asked_by(machine, nominal))
     return moved.q, moved.dq
 
 
 def behind_gears(robot: Robot, run: Prepared) -> tuple[Vector, Vector, Vector]:
     """Positions, speeds and accelerations behind gears that err along a run's motor motion, shape (m, n) each."""
-    error = _errors(_rubbing(robot), run, run.q, run.dq)
+    error = _errors(rubbing_of(robot), run, run.q, run.dq)
     return (run.q, run.dq, run.ddq) if error is None else _erring(error, run.h, run.q, run.dq, run.ddq)
 
 
@@ -151,8 +157,9 @@ def _erring(error: Vector, h: float, q: Vector, dq: Vector, ddq: Vector) -> tupl
 @np.errstate(over="ignore", invalid="ignore")
 def stretch_of(robot: Robot, run: Prepared, nominal: Robot, effect: str, at: int, beyond: Beyond = ()) -> Vector:
     """Stretch [rad or m] along a run's motor motion of the softest spring of an effect at a place, shape (m,)."""
-    moved = _moved(_bodies(robot), run, of_springs(beyond), _asked_by(robot, nominal))
-    stretches = (moved.theta - moved.q)[:, places(robot, expanded(robot, imposed=True), effect, at)]
+    machine = mechanism_of(robot)
+    moved = _moved(machine.bodies, run, of_springs(beyond), _asked_by(machine, nominal))
+    stretches = (moved.theta - moved.q)[:, places(robot, machine.whole, effect, at)]
     return stretches[:, int(np.argmax(np.mean(stretches**2, axis=0)))]
 
 
@@ -186,49 +193,26 @@ class _Moved:
     turn: Vector
 
 
-def _bodies(robot: Robot) -> Robot:
-    """The robot without what moves no body where its motors' motion is given: friction, rotors, gains, limits.
-
-    But for rotors before a clearance, which are pushed away when an arm hits their side.
-    """
-    stages = tuple(
-        replace(
-            stage,
-            drive=Drive(
-                inertia=stage.drive.inertia if stage.drive.spring and stage.drive.spring.gap else 0.0,
-                spring=stage.drive.spring,
-                terms=tuple(term for term in stage.drive.terms if term.kind == "error"),
-                arm_springs=stage.drive.arm_springs if stage.drive.spring else (),
-            ),
-            sensor=Sensor(stage.sensor.position_offset),
-        )
-        for stage in robot.stages
-    )
-    return Robot(robot.name, robot.gravity, robot.base, robot.base_correction, stages, robot.tool)
-
-
-def _asked_by(robot: Robot, nominal: Robot) -> Robot | None:
+def _asked_by(machine: Mechanism, nominal: Robot) -> Itself[Robot] | None:
     """Whose feedforward was asked for, where that may have to tell how arms began; None where nothing has clearance."""
-    return nominal if any(map(clearance_of, robot.stages)) else None
+    return Itself(nominal) if machine.loose else None
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _moved(robot: Robot, run: Prepared, stiffening: Beyond, nominal: Robot | None) -> _Moved:
+def _moved(bodies: Bodies, run: Prepared, stiffening: Beyond, nominal: Itself[Robot] | None) -> _Moved:
     """Motion, load and tool of a robot's bodies; most effects change none of them."""
-    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
-    whole = expanded(robot, imposed=True)
+    offsets, whole, arms = bodies.offsets, bodies.whole, bodies.arms
     full = whole.robot
     theta, dtheta, ddtheta = (whole.spread(x) for x in (run.q - offsets, run.dq, run.ddq))
-    error = _errors(_rubbing(full), run, theta, dtheta)
+    error = _errors(bodies.gears, run, theta, dtheta)
     turned, dturned, ddturned = theta, dtheta, ddtheta
     slope = np.zeros_like(theta)
     if error is not None:
         turned, dturned, ddturned = _erring(error, run.h, theta, dtheta, ddtheta)
         moving = np.abs(dtheta) > 1e-9
         slope = np.divide(dturned - dtheta, dtheta, out=slope, where=moving)
-    arms = dynamics(full, always_compiled=True)
     clamped = {whole.driven[joint - 1]: clamped_at(run, joint) - float(offsets[joint - 1]) for joint in run.run.locked}
-    stiffens = of_joints(robot, whole, stiffening)
+    stiffens = of_joints(bodies.robot, whole, stiffening)
     motion = _stopped(clamped, turned, dturned, ddturned)
     q, dq, ddq = _arms(full, arms, run, clamped, stiffens, _witness_of(run, whole, nominal), *motion)
     load = arms.inverse_dynamics(q, dq, ddq)
@@ -252,49 +236,48 @@ def _at(t: float, theta: Vector, dtheta: Vector) -> Any:
     return MachineState(float(t), theta, dtheta, theta, dtheta)
 
 
-def _rubbing(robot: Robot) -> DriveSheet:
-    """What of the drives makes friction and torques on arms, as rigid ones whose sticking friction is smooth."""
-    sheet = DriveSheet.of(robot)
-    drives = (
-        replace(drive, spring=None, stick=None, inertia=0.0, gain=1.0, torque_limit=math.inf, dummy=False)
-        for drive in sheet.drives
-    )
-    return replace(sheet, drives=tuple(drives), friction=FrictionModel("smooth"), notes=())
-
-
-def _drives(sheet: DriveSheet, creep: Sequence[float]) -> Drives:
-    """Drives that rub in full from the creeping speeds on."""
-    drives = Drives(sheet)
-    drives.table.smooth_velocity[:] = np.array(creep) / FULL
-    return drives
-
-
-def _by_motors_alone(robot: Robot) -> bool:
-    """Whether the drives rub as their motors move, whatever the bodies are that they move."""
-    return not any(
-        stage.drive.spring or any(uses_load(term.effect, term.law) for term in stage.drive.terms)
-        for stage in robot.stages
-    )
-
-
-@lru_cache(maxsize=_REMEMBERED)
 def _rubbed(
-    sheet: DriveSheet, run: Prepared, offsets: tuple[float, ...], creep: tuple[float, ...]
+    rubbing: Sequence[Rubbing], run: Prepared, offsets: tuple[float, ...], creep: Vector
 ) -> tuple[Vector, Vector]:
-    """Friction and torque on the arms along a run's motor motion, shapes (m, n), where arms go as motors do."""
-    theta, dtheta = run.q - np.array(offsets), run.dq
-    error = _errors(sheet, run, theta, dtheta)
+    """Friction and torque on the arms along a run's motor motion, shapes (m, n), where arms go as motors do.
+
+    Args:
+        rubbing: Drives that know nothing of each other, joint after joint.
+        run: The motion.
+        offsets: Of the encoders.
+        creep: Speed below which a joint counts as standing, shape (n,).
+    """
+    each: list[tuple[Vector, Vector]] = []
+    first = 0
+    for one in rubbing:
+        last = first + len(one.sheet.drives)
+        each.append(_rubbed_at(one, run, first, offsets[first:last], tuple(creep.tolist())))
+        first = last
+    friction, on_arm = zip(*each, strict=True)
+    return np.concatenate(friction, axis=1), np.concatenate(on_arm, axis=1)
+
+
+@lru_cache(maxsize=_JOINTS)
+def _rubbed_at(
+    rubbing: Rubbing, run: Prepared, first: int, offsets: tuple[float, ...], creep: tuple[float, ...]
+) -> tuple[Vector, Vector]:
+    """The same of the joints from one on (from 0): of most robots that are tried those of the others are known."""
+    here = slice(first, first + len(offsets))
+    theta, dtheta = run.q[:, here] - np.array(offsets), np.ascontiguousarray(run.dq[:, here])
+    error = _errors(rubbing, run, theta, dtheta)
     turned, dturned = (theta, dtheta) if error is None else (theta + error, dtheta + np.gradient(error, run.h, axis=0))
-    drives = _drives(sheet, creep)
-    return _along(drives, run, (turned, dturned, theta, dtheta), np.zeros_like(theta))
+    motion = turned, dturned, theta, np.ascontiguousarray(_at_rest(run, creep)[:, here])
+    return _along(rubbing.drives(creep[here]), run, motion, np.zeros_like(theta))
 
 
 def _rubbed_beside(
-    sheet: DriveSheet, run: Prepared, moved: _Moved, creep: tuple[float, ...], clamped: Sequence[int]
+    machine: Mechanism, run: Prepared, moved: _Moved, creep: Vector, clamped: Sequence[int]
 ) -> tuple[Vector, Vector]:
     """Friction, and what drives pass to the arms, shapes (m, k), where one or the other depends on the bodies."""
-    drives = _drives(sheet, creep)
-    motion = moved.q, moved.dq, moved.theta, moved.dtheta
+    whole = machine.whole
+    assert machine.rubbing is not None
+    drives = machine.rubbing.drives(whole.spread(creep, 1.0).tolist())
+    motion = moved.q, moved.dq, moved.theta, whole.spread(_at_rest(run, tuple(creep.tolist())))
     friction, on_arm = _along(drives, run, motion, moved.load)
     passed = moved.load - _but(on_arm, clamped)
     if drives.needs_load and np.any(on_arm):
@@ -308,27 +291,29 @@ def _along(
 ) -> tuple[Vector, Vector]:
     """Friction and torque on the arms along a motion q, dq, theta, dtheta under a load, shapes (m, k)."""
     q, dq, theta, dtheta = motion
-    if not run.run.locked:
-        dtheta = _at_rest(dtheta, FULL * drives.table.smooth_velocity, max(3, int(REST / run.h)))
     friction, on_arm = np.empty_like(theta), np.empty_like(theta)
     drives.reset(_at(run.t[0], theta[0], dtheta[0]))
     _compiled("drives_along")(drives.numbers, drives.counts, run.t, q, dq, theta, dtheta, load, friction, on_arm)
     return friction, on_arm
 
 
-def _at_rest(dtheta: Vector, creep: Vector, rest: int) -> Vector:
-    """Speeds (m, k) that are 0 where joints that stand most of the time do: their noise turns no friction.
+@lru_cache(maxsize=_REMEMBERED)
+def _at_rest(run: Prepared, creep: tuple[float, ...]) -> Vector:
+    """Speeds of a run's motors (m, n), 0 where joints that stand most of the time do: their noise turns no friction.
 
     What is stuck may bear anything up to its friction's level, and nobody knows what. None is the best guess, and the
     same whatever friction is thought to be there.
     """
-    moves = np.abs(dtheta) >= creep
+    if run.run.locked:
+        return run.dq
+    moves = np.abs(run.dq) >= np.array(creep)
     stands = moves.mean(axis=0) <= 1.0 - STANDS
     if not stands.any():
-        return dtheta
+        return run.dq
     ndimage: Any = import_module("scipy.ndimage")
+    rest = max(3, int(REST / run.h))
     moves[:, stands] = ndimage.binary_opening(moves[:, stands], np.ones((rest, 1), dtype=bool))
-    return np.where(stands & ~moves, 0.0, dtheta)
+    return np.where(stands & ~moves, 0.0, run.dq)
 
 
 def _but(on_arm: Vector, clamped: Sequence[int]) -> Vector:
@@ -340,10 +325,10 @@ def _but(on_arm: Vector, clamped: Sequence[int]) -> Vector:
     return out
 
 
-def _errors(sheet: DriveSheet, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
-    if not any(term.kind == "error" for drive in sheet.drives for term in drive.terms):
+def _errors(rubbing: Rubbing, run: Prepared, theta: Vector, dtheta: Vector) -> Vector | None:
+    if not rubbing.errs:
         return None
-    drives = _drives(sheet, [1.0] * len(sheet.drives))
+    drives = rubbing.drives([1.0] * len(rubbing.sheet.drives))
     error = np.empty_like(theta)
     _compiled("errors_along")(drives.numbers, drives.counts, run.t, theta, dtheta, error)
     return error
@@ -458,21 +443,22 @@ def _arms(
     return q, dq, ddq
 
 
-def _witness_of(run: Prepared, whole: Expansion, nominal: Robot | None) -> Witness | None:
+def _witness_of(run: Prepared, whole: Expansion, asked_by: Itself[Robot] | None) -> Witness | None:
     """What shows where arms began; None where nothing does, or nothing has a clearance."""
-    if nominal is None:
+    if asked_by is None:
         return None
-    q_link, n = run.measured.get("q_link"), nominal.n
+    nominal = mechanism_of(asked_by.kept)
+    q_link, n = run.measured.get("q_link"), nominal.robot.n
     if q_link is not None:
         q_link = whole.spread(np.where(run.missing["q_link"].all(axis=0), math.nan, q_link))
     torque = run.measured.get("tau")
     if torque is None:
-        torque = _asked(run, nominal, (), (), 0.0, (math.inf,) * n, (0.0,) * n)
+        torque = _asked(run, asked_by, (), (), 0.0, (math.inf,) * n, (0.0,) * n)
     if torque is None:
         return Witness(q_link, None)
-    offsets = tuple(stage.sensor.position_offset for stage in nominal.stages)
-    gain = np.array([stage.drive.gain if run.gains_act else 1.0 for stage in nominal.stages])
-    friction, _ = _rubbed(_rubbing(nominal), run, offsets, tuple(creep_of(run).tolist()))
+    gain = nominal.gain if run.gains_act else np.ones(n)
+    rubbing = nominal.by_motors or (rubbing_of(nominal.robot),)
+    friction, _ = _rubbed(rubbing, run, nominal.offsets, creep_of(run))
     return Witness(q_link, whole.spread(gain * torque - friction))
 
 
@@ -486,12 +472,12 @@ def fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector] | None:
     control = run.run.control
     if control.mode != "pd":
         return None
-    behind, slower, _ = _fed_back(run, nominal)
+    behind, slower, _ = _fed_back(run, Itself(nominal))
     return np.array(control.kp) * behind, np.array(control.kd) * slower
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
+def _fed_back(run: Prepared, nominal: Itself[Robot]) -> tuple[Vector, Vector, Vector]:
     """How far a run stays behind its command in position and speed, and the feedforward, shapes (m, n)."""
     control = run.run.control
     q_cmd, dq_cmd, _ = run.run.motion().at(control.commanded_at(run.t))
@@ -505,7 +491,7 @@ def _fed_back(run: Prepared, nominal: Robot) -> tuple[Vector, Vector, Vector]:
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector | None]:
+def _fed_forward(run: Prepared, nominal: Itself[Robot]) -> tuple[Vector, Vector | None]:
     """The feedforward that rows show, and by how much that is more than acts about them, shapes (m, n); None: nothing.
 
     A command's acceleration may jump at every row and go back until the next one: pieces of third order join so. A row
@@ -514,16 +500,16 @@ def _fed_forward(run: Prepared, nominal: Robot) -> tuple[Vector, Vector | None]:
     """
     control, law, ticks = run.run.control, run.run.motion(), ticks_a_row(run.run)
     if ticks == 1 or control.every > 1 or control.feedforward != "inverse_dynamics":
-        shown = feedforward_along(nominal, control, *law.at(control.commanded_at(run.t)))
+        shown = feedforward_along(nominal.kept, control, *law.at(control.commanded_at(run.t)))
         return shown, None
-    shown, before = (feedforward_along(nominal, control, *law.at(run.t + side)) for side in (BESIDE, -BESIDE))
+    shown, before = (feedforward_along(nominal.kept, control, *law.at(run.t + side)) for side in (BESIDE, -BESIDE))
     return shown, filtered(run, 0.5 * (1.0 - 1.0 / ticks) * (shown - before))
 
 
 @lru_cache(maxsize=_REMEMBERED)
 def _asked(
     run: Prepared,
-    nominal: Robot,
+    nominal: Itself[Robot],
     kp_factor: Sequence[float],
     kd_factor: Sequence[float],
     delay: float,
@@ -531,7 +517,7 @@ def _asked(
     knee: Sequence[float],
 ) -> Vector | None:
     """The controller's torque behind its factors, delay and limits, shape (m, n); None where nothing controls."""
-    control, n = run.run.control, nominal.n
+    control, n = run.run.control, nominal.kept.n
     if control.mode == "pd":
         behind, slower, feedforward = _fed_back(run, nominal)
         kp = np.array(control.kp) * np.array(kp_factor or [1.0] * n)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ..parallel import side_by_side
 from .beyond import SPRINGS, STIFFENING
 from .contender import THRESHOLD, Contender
 from .fit import Part, energy_of, gained, spread
@@ -199,22 +200,27 @@ def _rung(state: Search, options: Sequence[Hypothesis]) -> list[tuple[Hypothesis
     places: dict[tuple[str, int], list[Hypothesis]] = {}
     for hypothesis in options:
         places.setdefault(hypothesis.key, []).append(hypothesis)
-    out: list[tuple[Hypothesis, Vector]] = []
+    asked: list[tuple[Hypothesis, Vector | None]] = []
     for place in places.values():
         names = [(hypothesis.effect, hypothesis.at, hypothesis.form) for hypothesis in place]
         near = range(len(place))
         if all(name in state.rung for name in names):
             if rows == state.rung_beside:
-                out += [(place[k], state.left + state.rung[names[k]]) for k in near]
+                asked += [(place[k], state.left + state.rung[names[k]]) for k in near]
                 continue
             best = min(near, key=lambda k: energy_of(state.left + state.rung[names[k]]))
             near = near[max(best - BESIDE, 0) : best + BESIDE + 1]
         elif not state.rung:
             state.rung_beside = rows
-        for k in near:
-            spring = place[k].rows(np.zeros_like(place[k].scale)) or {}
-            left = state.whiten(state.problem.misfit(merged(rows, spring)))
-            out.append((place[k], left))
-            if rows == state.rung_beside:
-                state.rung[names[k]] = left - state.left
-    return out
+        asked += [(place[k], None) for k in near]
+
+    def left_by(one: tuple[Hypothesis, Vector | None]) -> Vector:
+        hypothesis, known = one
+        spring = hypothesis.rows(np.zeros_like(hypothesis.scale)) or {}
+        return state.whiten(state.problem.misfit(merged(rows, spring))) if known is None else known
+
+    lefts = side_by_side(left_by, asked)
+    if rows == state.rung_beside:
+        new = ((one, left) for (one, known), left in zip(asked, lefts, strict=True) if known is None)
+        state.rung.update({(one.effect, one.at, one.form): left - state.left for one, left in new})
+    return [(hypothesis, left) for (hypothesis, _), left in zip(asked, lefts, strict=True)]

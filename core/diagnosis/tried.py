@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..parallel import side_by_side
 from .beyond import how_many, number_of
 from .contender import DEARER, THRESHOLD, Contender, found_of
 from .fit import Part, energy_of, gained, spread
@@ -42,23 +43,23 @@ def best_tried(
     """
     likely = [one for one in order if one.earns]
     # a name may be tried twice, in the likeliest of its forms and in the one that explains most
-    tried: dict[int, tuple[Contender, Found, Refined]] = {}
+    chosen: dict[int, tuple[Contender, Found]] = {}
     for contender in _few(likely, 2) + _few(good, MOST_TRIED):
         rows = contender.hypothesis.rows(contender.beta)
-        if id(contender) in tried or rows is None or len(tried) == MOST_TRIED:
-            continue
-        item = found_of(contender, rows)
-        trial = [*state.found, item]
-        fit = refined(state.problem, state.whiten, trial, parts)
-        if item.effect == PLAY:
-            fit = at_its_width(state.problem, state.whiten, trial, fit, parts, item.at)
-        fit = beyond_catalogue(state.problem, state.whiten, trial, fit, parts, item, energy_of(state.left))
-        tried[id(contender)] = (contender, item, fit)
-        if not state.found:
+        if rows is not None and len(chosen) < MOST_TRIED:
+            chosen.setdefault(id(contender), (contender, found_of(contender, rows)))
+
+    def fitted(one: tuple[Contender, Found]) -> Refined:
+        return _with_all_numbers(state, one[1], parts)
+
+    fits = side_by_side(fitted, list(chosen.values()))
+    tried = [(contender, item, fit) for (contender, item), fit in zip(chosen.values(), fits, strict=True)]
+    if not state.found:
+        for _, item, fit in tried:
             state.alone[item.key] = min(energy_of(fit.left), state.alone.get(item.key, math.inf))
     if not tried:
         return None
-    least = min((fit.left for _, _, fit in tried.values()), key=energy_of)
+    least = min((fit.left for _, _, fit in tried), key=energy_of)
     sigma = spread(least, parts)
     scored = [
         (
@@ -67,7 +68,7 @@ def best_tried(
             item,
             fit,
         )
-        for contender, item, fit in tried.values()
+        for contender, item, fit in tried
     ]
     earning = [entry for entry in scored if entry[0] >= THRESHOLD]
     if not earning:
@@ -90,6 +91,15 @@ def best_tried(
     )
     gain, _, item, fit = min(same, key=lambda entry: (len(entry[3].free), -entry[0]))
     return replace(item, row=fit.rows[item.key], gain=gain)
+
+
+def _with_all_numbers(state: Search, item: Found, parts: Sequence[Part]) -> Refined:
+    """One cause more fitted beside what was found, all numbers free; by a law beyond the catalogue where that is so."""
+    trial = [*state.found, item]
+    fit = refined(state.problem, state.whiten, trial, parts)
+    if item.effect == PLAY:
+        fit = at_its_width(state.problem, state.whiten, trial, fit, parts, item.at)
+    return beyond_catalogue(state.problem, state.whiten, trial, fit, parts, item, energy_of(state.left))
 
 
 def _by_own_noise(state: Search, tried: Sequence[tuple[float, Found, Refined]], parts: Sequence[Part]) -> Found:

@@ -14,7 +14,7 @@ from .compiled import (
     law_address,
     uses_load,
 )
-from .drive_law import flat_memory, flat_sizes
+from .drive_law import DriveTable, flat_memory, flat_sizes
 from .drive_sheet import DriveSheet
 from .drive_table import relax
 
@@ -37,10 +37,10 @@ class Drives:
         numbers, counts: The flat memory, for compiled callbacks of an engine.
     """
 
-    def __init__(self, sheet: DriveSheet, *, native: Collection[str] = ()) -> None:
-        """Take the drives of a sheet, less what the engine does natively (see `DriveSheet.table`)."""
+    def __init__(self, sheet: DriveSheet, *, native: Collection[str] = (), table: DriveTable | None = None) -> None:
+        """Take the drives of a sheet, less what the engine does natively (see `DriveSheet.table`); or its table."""
         self.sheet = sheet
-        table = sheet.table(law_address, native=native)
+        table = sheet.table(law_address, native=native) if table is None else table
         n, m, s = len(table.inertia), len(table.kinds), len(table.slip_level)
         numbers, counts = flat_sizes(n, m, s)
         self.numbers = np.zeros(numbers)
