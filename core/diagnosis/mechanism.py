@@ -190,8 +190,10 @@ def _goes_as_its_motor(drive: Drive) -> bool:
 def _reads_the_arm(effect: str, law: str) -> bool:
     """Whether a law has the arm's position or speed in it, its arguments behind the motor's."""
     function = law_function(effect, law)
-    arm = function.__code__.co_varnames[4:6]
-    return any(step.argval in arm for step in dis.get_instructions(function))
+    arm = {*function.__code__.co_varnames[4:6]}
+    read = (step.argval for step in dis.get_instructions(function))
+    # later Pythons read two variables in one step
+    return any(arm & {*names} if isinstance(names, tuple) else names in arm for names in read)
 
 
 def rubbing_of(robot: Robot) -> Rubbing:
