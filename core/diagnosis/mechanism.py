@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dis
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
-from typing import Generic, TypeVar
+from functools import lru_cache
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from ..expansion import Expansion, expanded
 from ..kinematics import Dynamics, dynamics
 from ..representation import Drive, FrictionModel, Robot, Sensor
-from ..simulation.compiled import law_address, law_function, uses_load
+from ..simulation.compiled import law_address, reads_arm, uses_load
 from ..simulation.drive_law import DriveTable
 from ..simulation.drive_sheet import DriveSheet
 from ..simulation.drives import Drives
@@ -46,7 +45,7 @@ class Itself(Generic[Kept]):
         return id(self.kept)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Itself) and self.kept is other.kept  # pyright: ignore[reportUnknownMemberType]
+        return isinstance(other, Itself) and self.kept is cast("Itself[object]", other).kept
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,18 +181,8 @@ def _goes_as_its_motor(drive: Drive) -> bool:
     if any(term.kind == "coupled" or uses_load(term.effect, term.law) for term in drive.terms):
         return False
     # behind a spring the arm is elsewhere
-    pulled = bool(drive.arm_springs) or any(_reads_the_arm(term.effect, term.law) for term in drive.terms)
+    pulled = bool(drive.arm_springs) or any(reads_arm(term.effect, term.law) for term in drive.terms)
     return not (drive.spring and pulled)
-
-
-@cache
-def _reads_the_arm(effect: str, law: str) -> bool:
-    """Whether a law has the arm's position or speed in it, its arguments behind the motor's."""
-    function = law_function(effect, law)
-    arm = {*function.__code__.co_varnames[4:6]}
-    read = (step.argval for step in dis.get_instructions(function))
-    # later Pythons read two variables in one step
-    return any(arm & {*names} if isinstance(names, tuple) else names in arm for names in read)
 
 
 def rubbing_of(robot: Robot) -> Rubbing:

@@ -214,13 +214,14 @@ def _rung(state: Search, options: Sequence[Hypothesis]) -> list[tuple[Hypothesis
             state.rung_beside = rows
         asked += [(place[k], None) for k in near]
 
-    def left_by(one: tuple[Hypothesis, Vector | None]) -> Vector:
-        hypothesis, known = one
+    def left_by(hypothesis: Hypothesis) -> Vector:
         spring = hypothesis.rows(np.zeros_like(hypothesis.scale)) or {}
-        return state.whiten(state.problem.misfit(merged(rows, spring))) if known is None else known
+        return state.whiten(state.problem.misfit(merged(rows, spring)))
 
-    lefts = side_by_side(left_by, asked)
+    new = [hypothesis for hypothesis, known in asked if known is None]
+    lefts = side_by_side(left_by, new)
     if rows == state.rung_beside:
-        new = ((one, left) for (one, known), left in zip(asked, lefts, strict=True) if known is None)
-        state.rung.update({(one.effect, one.at, one.form): left - state.left for one, left in new})
-    return [(hypothesis, left) for (hypothesis, _), left in zip(asked, lefts, strict=True)]
+        pairs = zip(new, lefts, strict=True)
+        state.rung.update({(one.effect, one.at, one.form): left - state.left for one, left in pairs})
+    found = iter(lefts)
+    return [(hypothesis, next(found) if known is None else known) for hypothesis, known in asked]

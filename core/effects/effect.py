@@ -11,11 +11,13 @@ a class with
 
 from __future__ import annotations
 
+import dis
 import math
 from abc import ABC
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from functools import cache
+from typing import Any, ClassVar, Literal, cast
 
 from ..representation import Drive, JointKind, Robot, Stage, Term, TermKind
 
@@ -62,6 +64,22 @@ class Law:
     def name(self) -> str:
         """Name by which a Term finds it."""
         return self.function.__name__
+
+    @property
+    def reads_arm(self) -> bool:
+        """Whether q or dq stands in it, whatever it calls them."""
+        return not {*self.function.__code__.co_varnames[4:6]}.isdisjoint(_read_by(self.function))
+
+
+@cache
+def _read_by(function: LawFunction) -> frozenset[str]:
+    """Names that a function reads."""
+    names: set[str] = set()
+    for step in dis.get_instructions(function):
+        # later Pythons read two variables in one step
+        read = cast("tuple[Any, ...]", step.argval if isinstance(step.argval, tuple) else (step.argval,))
+        names |= {name for name in read if isinstance(name, str)}
+    return frozenset(names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
-from types import CellType, FunctionType
+from types import CellType, CodeType, FunctionType
 from typing import Any
 
 from ..effects import law_named
@@ -90,17 +91,24 @@ def _stamped(function: FunctionType) -> FunctionType:
 def _texts(function: FunctionType, seen: set[str]) -> Iterator[bytes]:
     """The text of a function, of the functions that it names, and of theirs, with the numbers that they name.
 
-    None of them has a function within, as none that Numba compiles here does.
+    Of what a decorator made for Numba it is that of the function below it.
     """
     code = function.__code__
-    yield repr((code.co_code, code.co_consts, code.co_names, code.co_varnames)).encode()
+    yield repr(_text(code)).encode()
     for name in code.co_names:
-        value = function.__globals__.get(name)
+        value: Any = function.__globals__.get(name)
+        value = inspect.unwrap(value)
         if isinstance(value, int | float | str):
             yield f"{name} {value!r}".encode()
         elif isinstance(value, FunctionType) and (place := f"{value.__module__}.{value.__qualname__}") not in seen:
             seen.add(place)
             yield from _texts(value, seen)
+
+
+def _text(code: CodeType) -> tuple[Any, ...]:
+    """What a function does, functions within it included."""
+    constants = tuple(_text(one) if isinstance(one, CodeType) else one for one in code.co_consts)
+    return code.co_code, constants, code.co_names, code.co_varnames
 
 
 @cache
@@ -124,6 +132,11 @@ def compiled_loaded_torques() -> Any:
 def uses_load(effect: str, law: str) -> bool:
     """Whether a law asks for the torque that the drive passes to the arm."""
     return law_named(effect, law).uses_load
+
+
+def reads_arm(effect: str, law: str) -> bool:
+    """Whether a law asks where the arm is or how fast it goes."""
+    return law_named(effect, law).reads_arm
 
 
 def law_function(effect: str, law: str) -> Any:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mbexport.core.diagnosis import inverse, mechanism
+from mbexport.core.diagnosis import inverse
 from mbexport.core.diagnosis.mechanism import Itself, mechanism_of, rubbing_of
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.prepare import creep_of, prepared
@@ -51,20 +51,6 @@ def test_each_joint_by_itself_rubs_as_all_together(run, rows, monkeypatch):
 @pytest.mark.parametrize("rows", [(SOFT, PULLS), (LEANS,), (SOFT, LEANS)])
 def test_what_depends_on_the_arm_is_asked_with_it(run, rows):
     assert mechanism_of(robot(run, RUBS, *rows)).by_motors == ()
-
-
-@pytest.mark.parametrize(
-    ("law", "reads"),
-    [
-        (lambda p, t, theta, dtheta, q, dq, load: p[0] * dtheta + theta, False),
-        (lambda p, t, theta, dtheta, q, dq, load: p[0] * (q - p[1]), True),
-        (lambda p, t, theta, dtheta, q, dq, load: q * dq, True),
-        (lambda p, t, motor, turns, arm, moves, load: p[0] * (turns - moves), True),
-    ],
-)
-def test_laws_that_read_the_arm_are_told_by_their_arguments_places(law, reads, monkeypatch):
-    monkeypatch.setattr(mechanism, "law_function", lambda effect, name: law)
-    assert mechanism._reads_the_arm.__wrapped__("any", "law") == reads
 
 
 def test_robots_that_differ_in_friction_alone_have_the_same_bodies(run):

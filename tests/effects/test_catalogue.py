@@ -10,7 +10,7 @@ import pytest
 from mbexport.core.agreement.samples import SAMPLED, sampled
 from mbexport.core.cli import main
 from mbexport.core.database import FrozenMap, load, write
-from mbexport.core.effects import built_in_names, effect_named, law_named
+from mbexport.core.effects import Law, built_in_names, effect_named, law_named
 from mbexport.core.errors import PluginError
 
 CHECKS = ("test_bodies_and_geometry.py", "test_elasticity.py", "test_friction.py", "test_motor_and_sensors.py")
@@ -33,6 +33,19 @@ def test_a_law_is_found_by_both_names_or_missed_by_them():
         law_named("coulomb_friction", "torque")
     with pytest.raises(PluginError, match="no effect 'sticky'"):
         law_named("sticky", "level")
+
+
+@pytest.mark.parametrize(
+    ("function", "reads"),
+    [
+        (lambda p, t, theta, dtheta, q, dq, load: p[0] * dtheta + theta, False),
+        (lambda p, t, theta, dtheta, q, dq, load: p[0] * (q - p[1]), True),
+        (lambda p, t, theta, dtheta, q, dq, load: q * dq, True),
+        (lambda p, t, motor, turns, arm, moves, load: p[0] * (turns - moves), True),
+    ],
+)
+def test_a_law_that_reads_the_arm_is_told_by_its_arguments_places(function, reads):
+    assert Law("level", function).reads_arm == reads
 
 
 @pytest.mark.parametrize("name", built_in_names())
