@@ -68,7 +68,7 @@ from .tried import ALIKE_SHARE
 from .unresolved import resolved
 from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
 from .warming import with_warming
-from .words import cause_in_words, percent, variable_in_words
+from .words import cause_in_words, listed, percent, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -86,7 +86,8 @@ ALL_STAND = (
 )
 # runs that a perfect model would leave so with such a chance show nothing to look for
 HARDLY = 0.05
-# part of the held-out runs' energy a coefficient above noise that is next to nothing in the fitted ones
+# part of the energy above noise of some runs that is next to nothing in others: of held-out ones, a coefficient, in the
+# fitted ones, and of the one that is loudest in all others
 NEARLY_STILL = 0.05
 UNSEEN = (
     "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move, and "
@@ -105,8 +106,12 @@ UNHELD = (
     "so that nothing confirms it. Hold out a run that does."
 )
 SEEN_APART = (
-    "{why} So the held-out runs were cut in time and fitted too, each part judged by fits that had not seen it. Hold "
-    "out a run that moves like one that is fitted to have the answer confirmed."
+    "{why} So {cut} cut in time and all runs were fitted, each part and each other run judged by fits that had not "
+    "seen it. Hold out a run that moves like one that is fitted to have the answer confirmed."
+)
+NOWHERE_ELSE = (
+    "Fitted to all runs, {names} would leave {part} of the gap along their motion, but no other part of them shows it, "
+    "so that nothing confirms it. Record a run that does."
 )
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
 UNCONFIRMED = "The held-out runs confirm nothing that the others show."
@@ -115,6 +120,8 @@ UNDERSTOOD = 0.35
 # part of a loud gap that findings may leave in the fitted runs if these and parts of the others are to confirm them:
 # they would have to leave no more than UNDERSTOOD of it there
 CONFIRMABLE = 0.5
+# causes after which that is known
+FIRST_CAUSES = 3
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
@@ -211,6 +218,19 @@ def _telling(progress: bool) -> Generator[Tell]:
         yield status.update
 
 
+@dataclass(frozen=True, slots=True)
+class _Unconfirmed:
+    """What no run that was not fitted confirms.
+
+    Attributes:
+        why: In sentences.
+        cut: Names of the runs that may confirm it if they are cut in time and all runs fitted.
+    """
+
+    why: str
+    cut: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
@@ -222,15 +242,16 @@ class _Diagnosing:
     tell: Tell
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
-        """The answer; of the held-out runs in parts where these alone show the gap, or what the others show fails."""
-        answer, why = self._of(runs, holdout)
-        if not holdout or not why:
+        """The answer; of runs in parts where these alone show the gap, or what the fitted ones show fails."""
+        answer, unconfirmed = self._of(runs, holdout)
+        if not holdout or unconfirmed is None:
             return answer
-        apart, _ = self._of([*runs, *holdout], (), cut=[run.name for run in holdout])
+        cut = unconfirmed.cut
+        apart, still = self._of([*runs, *holdout], (), cut=cut)
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
-            return answer
+            return replace(answer, notes=(*answer.notes, still.why)) if still else answer
         names = tuple(run.name for run in (*runs, *holdout))
-        said = SEEN_APART.format(why=why)
+        said = SEEN_APART.format(why=unconfirmed.why, cut=f"{listed(cut)} {'was' if len(cut) == 1 else 'were'}")
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
 
     def _of(
@@ -240,8 +261,8 @@ class _Diagnosing:
         *,
         cut: Collection[str] = (),
         beside: Suspect | None = None,
-    ) -> tuple[Diagnosis, str]:
-        """The answer of runs, and why held-out ones should be fitted in parts; "" if that is vain.
+    ) -> tuple[Diagnosis, _Unconfirmed | None]:
+        """The answer of runs, and why some should be cut and all fitted; None if that is vain.
 
         Args:
             runs: To fit.
@@ -275,9 +296,12 @@ class _Diagnosing:
         looking = numerical == "none" and loud and len(state.left) > 0
         if looking:
             state, judge = self._one_by_one(state, judge)
-            state = search(state, self._found_so_far)
+            state = search(state, self._found_so_far, _leaves_most if cut else None)
             if beside is None and (late := self._late_beside(state, [ready[k] for k in fitted_on])):
                 return self._of(runs, holdout, cut=cut, beside=late)
+            if cut and _leaves_most(state):
+                state.begin()
+                looking = False
         state, judge, held = self._found(state, judge, looking=looking)
         heard, heard_whiten = judge.whole, judge.whiten
         held, fit, names = self._named(state, judge, held)
@@ -315,7 +339,7 @@ class _Diagnosing:
         if verdict == "unexplained" and not unheld and (quiet or alone):
             notes.append(UNSEEN)
         elif verdict == "unexplained" and not gap:
-            notes.append(UNHELD.format(names=" and ".join(f"{item.effect} at {item.place}" for item in unheld)))
+            notes.append(UNHELD.format(names=_named_as(unheld)))
         elif verdict == "partly_explained" and alone:
             notes.append(LEFT_UNSEEN)
         if against:
@@ -327,9 +351,13 @@ class _Diagnosing:
             notes.append(NEAREST_HELPS_NOT.format(effect=item.effect, place=item.place, part=part, **words))
         notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside_names(held.found)]
         effects = rows_of(held.found)
-        why = ALONE if {UNSEEN, LEFT_UNSEEN} & set(notes) else ""
-        if verdict == "unexplained" and not why and part_open(state) <= CONFIRMABLE:
-            why = UNCONFIRMED
+        unconfirmed = None
+        if {UNSEEN, LEFT_UNSEEN} & set(notes):
+            unconfirmed = _Unconfirmed(ALONE, tuple(run.name for run in holdout))
+        elif holdout and verdict == "unexplained" and part_open(state) <= CONFIRMABLE:
+            unconfirmed = _Unconfirmed(UNCONFIRMED, self._that_show(whole, ready, ways[0]))
+        elif cut and verdict == "unexplained" and state.found and (part := part_open(state)) <= UNDERSTOOD:
+            unconfirmed = _Unconfirmed(NOWHERE_ELSE.format(names=_named_as(state.found), part=percent(part)))
         since = {run.name: run.since for run in ready}
         answer = Diagnosis(
             robot=self.database.name,
@@ -358,7 +386,7 @@ class _Diagnosing:
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay, since[overlay.run]) for overlay in held.overlays),
         )
-        return answer, why
+        return answer, unconfirmed
 
     def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
         """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""
@@ -466,6 +494,16 @@ class _Diagnosing:
         there = whiten.only(whole.evidence.places(way.unseen))(whole.only(way.unseen).residual(rows))
         loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, fitted))
         return len(there) > 0 and loud > 0.0 and quiet < NEARLY_STILL * loud
+
+    @staticmethod
+    def _that_show(whole: Problem, runs: Sequence[Run], way: Split) -> tuple[str, ...]:
+        """Names of the runs that show what parts of them may confirm: the one that has nearly all, or the held-out."""
+        left = whole.residual({})
+        places = (whole.evidence.places([k]) for k in range(len(runs)))
+        above = [max(float(np.sum(left[there] ** 2 - 1.0)), 0.0) for there in places]
+        loudest = int(np.argmax(above))
+        alone = sum(above) - above[loudest] < NEARLY_STILL * above[loudest]
+        return tuple(runs[k].name for k in ((loudest,) if alone and loudest in way.seen else way.unseen))
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
@@ -611,6 +649,15 @@ class _Diagnosing:
         except RefusedError as error:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
+
+
+def _named_as(found: Sequence[Found]) -> str:
+    return listed(f"{item.effect} at {item.place}" for item in found)
+
+
+def _leaves_most(state: Search) -> bool:
+    """Whether the first causes leave most of the gap: more of them confirm nothing in parts of runs."""
+    return len(state.found) >= FIRST_CAUSES and part_open(state) > CONFIRMABLE
 
 
 def _drawable(overlay: Overlay, since: float) -> Overlay:

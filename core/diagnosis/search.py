@@ -32,10 +32,20 @@ CLOSE = 0.6
 MOST_FAILED = 3
 
 
-def search(state: Search, tell: Callable[[str], None] | None = None) -> Search:
-    """Find the effects, from where a search stands."""
+def search(
+    state: Search, tell: Callable[[str], None] | None = None, vain: Callable[[Search], bool] | None = None
+) -> Search:
+    """Find the effects, from where a search stands.
+
+    Args:
+        state: Where it stands.
+        tell: Is told what was found.
+        vain: Whether to give up there, as no answer would do; asked after every round.
+    """
     parts = blocks(state.problem.evidence)
-    _gather(state, parts, tell)
+    _gather(state, parts, tell, vain)
+    if vain and vain(state):
+        return state
     if (instead := spring_instead(state, parts)) is not None:
         prune(state, *instead, parts)
         _gather(state, parts, tell)
@@ -57,13 +67,19 @@ def one_cause_more(state: Search, tell: Callable[[str], None] | None = None) -> 
     return not before >= {item.key for item in state.found}
 
 
-def _gather(state: Search, parts: Sequence[Part], tell: Callable[[str], None] | None, most: int | None = None) -> None:
-    """Take one cause after the other until none is left that earns its place, or there are so many."""
+def _gather(
+    state: Search,
+    parts: Sequence[Part],
+    tell: Callable[[str], None] | None,
+    vain: Callable[[Search], bool] | None = None,
+    most: int | None = None,
+) -> None:
+    """Take one cause after the other until none is left that earns its place, it is vain, or there are so many."""
     problem, whiten = state.problem, state.whiten
     most = 3 * problem.database.n + MORE_THAN_USUAL if most is None else most
     failed: list[set[tuple[str, int]]] = []
     let_go = False
-    while len(state.found) < most:
+    while len(state.found) < most and not (vain and vain(state)):
         before = list(state.found)
         out = sorted(set[tuple[str, int]]().union(*failed))
         picked = _picked(state, parts, most - len(before), out)

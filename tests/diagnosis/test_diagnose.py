@@ -99,7 +99,7 @@ def test_what_the_fitted_run_does_not_show_is_found_in_parts_of_the_held_out_one
     assert (found.effect, low < 0.4 < high) == ("viscous_friction", True)
     assert len(answer.runs) == 2
     assert answer.holdout == ()
-    assert any("fitted too" in note for note in answer.notes)
+    assert any("cut in time and all runs were fitted" in note for note in answer.notes)
 
 
 @pytest.mark.parametrize("another_form", [False, True])
@@ -124,13 +124,60 @@ def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     def fails(self, seen, holdout, **options):
         answer, why = whole(self, seen, holdout, **options)
         failed = replace(answer, verdict="unexplained", which=(), notes=())
-        return (failed, diagnose.UNCONFIRMED) if holdout else (answer, why)
+        told = diagnose._Unconfirmed(diagnose.UNCONFIRMED, tuple(run.name for run in holdout))
+        return (failed, told) if holdout else (answer, why)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
     rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
     answer = mbexport.diagnose("pendulum", rubbing[:1], rubbing[1:], level="rigid", backends=[])
     assert (answer.verdict, [item.effect for item in answer.which]) == ("explained", ["viscous_friction"])
-    assert answer.notes[-1].startswith("The held-out runs confirm nothing that the others show. So the held-out runs")
+    assert answer.notes[-1].startswith(
+        "The held-out runs confirm nothing that the others show. So swing was cut in time"
+    )
+
+
+def test_what_one_passage_of_one_run_alone_shows_is_told_and_not_named():
+    """A torque limit that is reached once: nothing confirms it, and it may be what it is."""
+
+    def gives(torque):
+        return max(-5.4, min(5.4, torque))
+
+    seen, held_out = (pendulum_run(seed=k, duration=long, gives=gives) for k, long in ((1, 0.9), (2, 3.0)))
+    answer = mbexport.diagnose("pendulum", [seen], [held_out], level="rigid", backends=[])
+    assert (answer.verdict, answer.which) == ("unexplained", ())
+    assert answer.notes[-1].startswith("Fitted to all runs, torque_limit at joint_1 would leave 0 % of the gap")
+
+
+def test_the_runs_that_are_cut_are_those_that_show_the_gap():
+    quiet, rubs = runs(duration=1.0), runs(lambda t, q, dq: 0.4 * dq, seeds=(3, 4), duration=1.0)
+
+    def shows(*some):
+        named = [replace(run, name=f"run-{k}") for k, run in enumerate(some)]
+        return diagnose._Diagnosing._that_show(
+            problem(load("pendulum"), "rigid", named), named, splits(len(some), 1)[0]
+        )
+
+    assert shows(rubs[0], quiet[0], quiet[1]) == ("run-0",)
+    # not where there is another that may confirm it, nor where the held-out run has it
+    assert shows(rubs[0], rubs[1], quiet[0]) == ("run-2",)
+    assert shows(quiet[0], quiet[1], rubs[0]) == ("run-2",)
+
+
+def test_parts_of_runs_are_not_searched_on_where_the_first_causes_leave_most(monkeypatch):
+    """No answer is named there that leaves more than a third."""
+    asked, whole = [], diagnose.search
+
+    def search(state, tell=None, vain=None):
+        found = whole(state, tell, vain)
+        asked.append((vain is not None, len(found.found)))
+        return found
+
+    monkeypatch.setattr(diagnose, "search", search)
+    monkeypatch.setattr(diagnose, "FIRST_CAUSES", 1)
+    quiet, held_out = runs(duration=1.5)[0], runs(lambda t, q, dq: 2.0 * np.sin(40.0 * t) * t, duration=2.0)[0]
+    answer = mbexport.diagnose("pendulum", [quiet], [held_out], level="rigid", backends=[])
+    assert answer.verdict == "unexplained"
+    assert [count for apart, count in asked if apart] == [1]
 
 
 def test_what_no_cause_explains_on_loud_fitted_runs_is_asked_once(monkeypatch):
