@@ -114,9 +114,14 @@ NOWHERE_ELSE = (
     "so that nothing confirms it. Record a run that does."
 )
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
+MOVES_FARTHER = (
+    "Most is left at {joint}, which moves over {far:.3g} {unit} in the held-out runs, {near:.3g} in the others."
+)
 UNCONFIRMED = "The held-out runs confirm nothing that the others show."
 # part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
 UNDERSTOOD = 0.35
+# how many times as far held-out runs must move a joint for the others to know little of what goes with its position
+FARTHER = 2.0
 # part of a loud gap that findings may leave in the fitted runs if these and parts of the others are to confirm them:
 # they would have to leave no more than UNDERSTOOD of it there
 CONFIRMABLE = 0.5
@@ -351,9 +356,12 @@ class _Diagnosing:
             notes.append(NEAREST_HELPS_NOT.format(effect=item.effect, place=item.place, part=part, **words))
         notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside_names(held.found)]
         effects = rows_of(held.found)
+        unexplained = _unexplained(verdict, after or before, held, form, against)
         unconfirmed = None
         if {UNSEEN, LEFT_UNSEEN} & set(notes):
             unconfirmed = _Unconfirmed(ALONE, tuple(run.name for run in holdout))
+        elif holdout and unexplained.share > CONFIRMABLE and (why := self._moves_farther(whole, ways[0], unexplained)):
+            unconfirmed = _Unconfirmed(why, tuple(run.name for run in holdout))
         elif holdout and verdict == "unexplained" and part_open(state) <= CONFIRMABLE:
             unconfirmed = _Unconfirmed(UNCONFIRMED, self._that_show(whole, ready, ways[0]))
         elif cut and verdict == "unexplained" and state.found and (part := part_open(state)) <= UNDERSTOOD:
@@ -370,7 +378,7 @@ class _Diagnosing:
             ),
             rejected=(*held.dropped, *_rejected(state, held.found, held.dropped, names)),
             how_far=held.how_far.as_heard or held.how_far,
-            unexplained=_unexplained(verdict, after or before, held, form, against),
+            unexplained=unexplained,
             next_experiment=experiment,
             runs=tuple(run.name for run in runs),
             holdout=tuple(run.name for run in holdout),
@@ -504,6 +512,17 @@ class _Diagnosing:
         loudest = int(np.argmax(above))
         alone = sum(above) - above[loudest] < NEARLY_STILL * above[loudest]
         return tuple(runs[k].name for k in ((loudest,) if alone and loudest in way.seen else way.unseen))
+
+    def _moves_farther(self, whole: Problem, way: Split, unexplained: Unexplained) -> str:
+        """That held-out runs move the joint where most is left far farther than the fitted ones; "" if they do not."""
+        joint = max(unexplained.joints, key=lambda name: unexplained.joints[name], default="")
+        if not joint:
+            return ""
+        at = int(joint.removeprefix("joint_"))
+        fitted, held_out = (float(whole.only(runs).way()[at - 1]) for runs in (way.seen, way.unseen))
+        unit = "m" if self.database.joints[at - 1].kind == "prismatic" else "rad"
+        farther = held_out > FARTHER * fitted
+        return MOVES_FARTHER.format(joint=joint, far=held_out, near=fitted, unit=unit) if farther else ""
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""

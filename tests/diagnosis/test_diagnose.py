@@ -14,7 +14,7 @@ from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose
 from mbexport.core.diagnosis.diagnose import _largest_first, _verdict
-from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
+from mbexport.core.diagnosis.diagnosis import HowFar, Rejected, Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
@@ -148,6 +148,19 @@ def test_what_one_passage_of_one_run_alone_shows_is_told_and_not_named():
     assert answer.notes[-1].startswith("Fitted to all runs, torque_limit at joint_1 would leave 0 % of the gap")
 
 
+def test_what_only_the_held_out_run_moves_far_enough_to_show_is_found_in_parts_of_it():
+    """Of a wave of four a turn half a second's way shows less than half, which may be a spring as well."""
+    seen, held_out = (
+        pendulum_run(against=lambda t, q, dq: 0.3 * math.sin(4.0 * q + 0.4), seed=k, duration=long)
+        for k, long in ((1, 0.5), (2, 3.0))
+    )
+    answer = mbexport.diagnose("pendulum", [seen], [held_out], level="rigid", backends=[])
+    (found,) = answer.which
+    low, high = found.parameters["cycles"].ci95
+    assert (answer.verdict, found.effect, low < 4.0 < high) == ("explained", "torque_ripple", True)
+    assert answer.notes[-1].startswith("Most is left at joint_1, which moves over 1.57 rad in the held-out runs, 0.73")
+
+
 def test_the_runs_that_are_cut_are_those_that_show_the_gap():
     quiet, rubs = runs(duration=1.0), runs(lambda t, q, dq: 0.4 * dq, seeds=(3, 4), duration=1.0)
 
@@ -161,6 +174,17 @@ def test_the_runs_that_are_cut_are_those_that_show_the_gap():
     # not where there is another that may confirm it, nor where the held-out run has it
     assert shows(rubs[0], rubs[1], quiet[0]) == ("run-2",)
     assert shows(quiet[0], quiet[1], rubs[0]) == ("run-2",)
+
+
+@pytest.mark.parametrize(
+    ("long", "joints", "farther"), [(0.5, {"joint_1": 1.0}, True), (1.5, {"joint_1": 1.0}, False), (0.5, {}, False)]
+)
+def test_that_held_out_runs_move_a_joint_farther_is_told_of_the_one_where_most_is_left(long, joints, farther):
+    some = [pendulum_run(seed=k, duration=duration) for k, duration in ((1, long), (2, 3.0))]
+    asked = problem(load("pendulum"), "rigid", some)
+    diagnosing = diagnose._Diagnosing(asked.database, "rigid", "mjcf", [], lambda _: None)
+    said = diagnosing._moves_farther(asked, splits(2, 1)[0], Unexplained(0.8, joints, ""))
+    assert ("over 1.57 rad in the held-out runs" in said) == farther
 
 
 def test_parts_of_runs_are_not_searched_on_where_the_first_causes_leave_most(monkeypatch):
