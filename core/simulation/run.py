@@ -229,7 +229,7 @@ def _kinematic(robot: Robot, engine: Engine, law: MotionLaw, times: Vector, h: f
         if k:
             span = float(t - times[k - 1])
             engine.advance(span, _steps(span, h))
-        on_arm, _ = engine.drive_torque(q[k], np.zeros(robot.n), q[k], np.zeros(robot.n))
+        on_arm, _ = engine.drive_torque(q[k], dq[k], q[k], dq[k])
         passed = engine.inverse_dynamics(q[k], dq[k], ddq[k]) - on_arm
         record.tau_link[k] = passed
         record.tau[k] = passed + rotor * ddq[k] + engine.friction()
@@ -337,13 +337,14 @@ def _passed_by_moving(robot: Robot, engine: Engine, record: _Record, friction: V
         return record.tau_link
     gain = np.array([stage.drive.gain for stage in robot.stages])
     free = gain * record.tau - friction
-    on_arm = np.zeros_like(free)
+    driving = np.where(elastic, record.tau_link, free)
     if any(stage.drive.arm_springs or any(term.kind == "arm" for term in stage.drive.terms) for stage in robot.stages):
-        still = np.zeros(robot.n)
-        on_arm = np.array([engine.drive_torque(q, still, q, still)[0] for q in record.q])
+        states = zip(record.q, record.dq, record.theta, record.dtheta, strict=True)
+        # at elastic joints with T, which a gear's error makes where both sides stand alike as well
+        on_arm = np.array([engine.drive_torque(*state)[0] for state in states])
+        driving = on_arm + np.where(elastic, 0.0, free)
     rotor = np.where(elastic, 0.0, engine.motor_inertia())
     arms = dynamics(robot)
-    driving = np.where(elastic, record.tau_link, free) + on_arm
     inertia = arms.mass_matrix(record.q) + np.diag(rotor)
     ddq = np.linalg.solve(inertia, (driving - arms.bias(record.q, record.dq))[..., None])[..., 0]
     return np.where(elastic, record.tau_link, free - rotor * ddq)
