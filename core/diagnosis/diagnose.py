@@ -48,7 +48,7 @@ from .judge import Judge
 from .model import Rows, level_rows, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
-from .nuisances import SPEED_IS_LATE, Whitening, whitening
+from .nuisances import SPEED_IS_LATE, whitening
 from .numerics import NUMERICAL, late_beside, loudest_of, numerics, part_left, suspected
 from .other_form import contradicted, other_form
 from .other_laws import straightened
@@ -60,15 +60,16 @@ from .resimulate import each_simulated, residuals, resimulated
 from .scores import scores
 from .search import one_cause_more, search
 from .stamps import TORQUES, shift_of, shift_said, torque_shift_of, torque_shift_said, unshifted
-from .state import BEYOND_DOUBT, Search, part_open, prune
+from .state import BEYOND_DOUBT, Search, prune
 from .suspect import Suspect
 from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE
+from .unconfirmed import UNDERSTOOD, Unconfirmed, leaves_most, named_as, nearly_alone, nowhere_else, unconfirmed
 from .unresolved import resolved
-from .unseen import NOTHING, OTHER_FORM, Along, Bent, Split, in_parts, splits
+from .unseen import NOTHING, OTHER_FORM, Along, Bent, in_parts, splits
 from .warming import with_warming
-from .words import cause_in_words, listed, percent, variable_in_words
+from .words import cause_in_words, percent, variable_in_words
 
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -86,9 +87,6 @@ ALL_STAND = (
 )
 # runs that a perfect model would leave so with such a chance show nothing to look for
 HARDLY = 0.05
-# part of the energy above noise of some runs that is next to nothing in others: of held-out ones, a coefficient, in the
-# fitted ones, and of the one that is loudest in all others
-NEARLY_STILL = 0.05
 UNSEEN = (
     "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move, and "
     "no fit could see its cause. Hold another run out, or record one more that moves alike."
@@ -105,28 +103,6 @@ UNHELD = (
     "The gap stands in runs that were fitted: {names} would explain it there, but the held-out runs do not excite it, "
     "so that nothing confirms it. Hold out a run that does."
 )
-SEEN_APART = (
-    "{why} So {cut} cut in time and all runs were fitted, each part and each other run judged by fits that had not "
-    "seen it. Hold out a run that moves like one that is fitted to have the answer confirmed."
-)
-NOWHERE_ELSE = (
-    "Fitted to all runs, {names} would leave {part} of the gap along their motion, but no other part of them shows it, "
-    "so that nothing confirms it. Record a run that does."
-)
-ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
-MOVES_FARTHER = (
-    "Most is left at {joint}, which moves over {far:.3g} {unit} in the held-out runs, {near:.3g} in the others."
-)
-UNCONFIRMED = "The held-out runs confirm nothing that the others show."
-# part of the gap's energy that a name may leave which no run of its own confirms, if no other form of its law says that
-UNDERSTOOD = 0.35
-# how many times as far held-out runs must move a joint for the others to know little of what goes with its position
-FARTHER = 2.0
-# part of a loud gap that findings may leave in the fitted runs if these and parts of the others are to confirm them:
-# they would have to leave no more than UNDERSTOOD of it there
-CONFIRMABLE = 0.5
-# causes after which that is known
-FIRST_CAUSES = 3
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
@@ -223,19 +199,6 @@ def _telling(progress: bool) -> Generator[Tell]:
         yield status.update
 
 
-@dataclass(frozen=True, slots=True)
-class _Unconfirmed:
-    """What no run that was not fitted confirms.
-
-    Attributes:
-        why: In sentences.
-        cut: Names of the runs that may confirm it if they are cut in time and all runs fitted.
-    """
-
-    why: str
-    cut: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
@@ -248,16 +211,14 @@ class _Diagnosing:
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer; of runs in parts where these alone show the gap, or what the fitted ones show fails."""
-        answer, unconfirmed = self._of(runs, holdout)
-        if not holdout or unconfirmed is None:
+        answer, again = self._of(runs, holdout)
+        if not holdout or again is None:
             return answer
-        cut = unconfirmed.cut
-        apart, still = self._of([*runs, *holdout], (), cut=cut)
+        apart, still = self._of([*runs, *holdout], (), cut=again.cut)
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
             return replace(answer, notes=(*answer.notes, still.why)) if still else answer
         names = tuple(run.name for run in (*runs, *holdout))
-        said = SEEN_APART.format(why=unconfirmed.why, cut=f"{listed(cut)} {'was' if len(cut) == 1 else 'were'}")
-        return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, said))
+        return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, again.said))
 
     def _of(
         self,
@@ -266,8 +227,8 @@ class _Diagnosing:
         *,
         cut: Collection[str] = (),
         beside: Suspect | None = None,
-    ) -> tuple[Diagnosis, _Unconfirmed | None]:
-        """The answer of runs, and why some should be cut and all fitted; None if that is vain.
+    ) -> tuple[Diagnosis, Unconfirmed | None]:
+        """The answer of runs, and why some should be cut and all fitted, or what that did not confirm.
 
         Args:
             runs: To fit.
@@ -301,10 +262,10 @@ class _Diagnosing:
         looking = numerical == "none" and loud and len(state.left) > 0
         if looking:
             state, judge = self._one_by_one(state, judge)
-            state = search(state, self._found_so_far, _leaves_most if cut else None)
+            state = search(state, self._found_so_far, leaves_most if cut else None)
             if beside is None and (late := self._late_beside(state, [ready[k] for k in fitted_on])):
                 return self._of(runs, holdout, cut=cut, beside=late)
-            if cut and _leaves_most(state):
+            if cut and leaves_most(state):
                 state.begin()
                 looking = False
         state, judge, held = self._found(state, judge, looking=looking)
@@ -340,11 +301,11 @@ class _Diagnosing:
         form, against = other_form(judge, held), contradicted(judge, held)
         verdict = _verdict(held, gap or bool(unheld), form, against)
         left_open = bool(holdout) and verdict in ("unexplained", "partly_explained")
-        alone = left_open and self._nearly_alone(heard, heard_whiten, ways[0], rows_of(held.found))
+        alone = left_open and nearly_alone(heard, heard_whiten, ways[0], rows_of(held.found))
         if verdict == "unexplained" and not unheld and (quiet or alone):
             notes.append(UNSEEN)
         elif verdict == "unexplained" and not gap:
-            notes.append(UNHELD.format(names=_named_as(unheld)))
+            notes.append(UNHELD.format(names=named_as(unheld)))
         elif verdict == "partly_explained" and alone:
             notes.append(LEFT_UNSEEN)
         if against:
@@ -357,15 +318,11 @@ class _Diagnosing:
         notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside_names(held.found)]
         effects = rows_of(held.found)
         unexplained = _unexplained(verdict, after or before, held, form, against)
-        unconfirmed = None
-        if {UNSEEN, LEFT_UNSEEN} & set(notes):
-            unconfirmed = _Unconfirmed(ALONE, tuple(run.name for run in holdout))
-        elif holdout and unexplained.share > CONFIRMABLE and (why := self._moves_farther(whole, ways[0], unexplained)):
-            unconfirmed = _Unconfirmed(why, tuple(run.name for run in holdout))
-        elif holdout and verdict == "unexplained" and part_open(state) <= CONFIRMABLE:
-            unconfirmed = _Unconfirmed(UNCONFIRMED, self._that_show(whole, ready, ways[0]))
-        elif cut and verdict == "unexplained" and state.found and (part := part_open(state)) <= UNDERSTOOD:
-            unconfirmed = _Unconfirmed(NOWHERE_ELSE.format(names=_named_as(state.found), part=percent(part)))
+        if holdout:
+            unseen = bool({UNSEEN, LEFT_UNSEEN} & set(notes))
+            again = unconfirmed(whole, ready, ways[0], state, verdict, unexplained, alone=unseen)
+        else:
+            again = nowhere_else(state) if cut and verdict == "unexplained" else None
         since = {run.name: run.since for run in ready}
         answer = Diagnosis(
             robot=self.database.name,
@@ -394,7 +351,7 @@ class _Diagnosing:
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(_drawable(overlay, since[overlay.run]) for overlay in held.overlays),
         )
-        return answer, unconfirmed
+        return answer, again
 
     def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
         """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""
@@ -494,35 +451,6 @@ class _Diagnosing:
         """The question of runs less what happens between their rows, of a robot with what was found."""
         evidence = between_rows(self.database, self.level, runs, whole.evidence, rows, self.backend)
         return whole if evidence is whole.evidence else replace(whole, evidence=evidence)
-
-    @staticmethod
-    def _nearly_alone(whole: Problem, whiten: Whitening, way: Split, rows: Rows) -> bool:
-        """Whether the held-out runs show nearly all that rows leave: joints that stand are not compared."""
-        fitted = whiten.only(whole.evidence.places(way.seen))(whole.only(way.seen).residual(rows))
-        there = whiten.only(whole.evidence.places(way.unseen))(whole.only(way.unseen).residual(rows))
-        loud, quiet = (float(one @ one) / max(len(one), 1) - 1.0 for one in (there, fitted))
-        return len(there) > 0 and loud > 0.0 and quiet < NEARLY_STILL * loud
-
-    @staticmethod
-    def _that_show(whole: Problem, runs: Sequence[Run], way: Split) -> tuple[str, ...]:
-        """Names of the runs that show what parts of them may confirm: the one that has nearly all, or the held-out."""
-        left = whole.residual({})
-        places = (whole.evidence.places([k]) for k in range(len(runs)))
-        above = [max(float(np.sum(left[there] ** 2 - 1.0)), 0.0) for there in places]
-        loudest = int(np.argmax(above))
-        alone = sum(above) - above[loudest] < NEARLY_STILL * above[loudest]
-        return tuple(runs[k].name for k in ((loudest,) if alone and loudest in way.seen else way.unseen))
-
-    def _moves_farther(self, whole: Problem, way: Split, unexplained: Unexplained) -> str:
-        """That held-out runs move the joint where most is left far farther than the fitted ones; "" if they do not."""
-        joint = max(unexplained.joints, key=lambda name: unexplained.joints[name], default="")
-        if not joint:
-            return ""
-        at = int(joint.removeprefix("joint_"))
-        fitted, held_out = (float(whole.only(runs).way()[at - 1]) for runs in (way.seen, way.unseen))
-        unit = "m" if self.database.joints[at - 1].kind == "prismatic" else "rad"
-        farther = held_out > FARTHER * fitted
-        return MOVES_FARTHER.format(joint=joint, far=held_out, near=fitted, unit=unit) if farther else ""
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
         """What holds by the names that hold best, its fit, and what else each finding may be called."""
@@ -668,15 +596,6 @@ class _Diagnosing:
         except RefusedError as error:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
-
-
-def _named_as(found: Sequence[Found]) -> str:
-    return listed(f"{item.effect} at {item.place}" for item in found)
-
-
-def _leaves_most(state: Search) -> bool:
-    """Whether the first causes leave most of the gap: more of them confirm nothing in parts of runs."""
-    return len(state.found) >= FIRST_CAUSES and part_open(state) > CONFIRMABLE
 
 
 def _drawable(overlay: Overlay, since: float) -> Overlay:

@@ -12,9 +12,9 @@ import pytest
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis import diagnose
+from mbexport.core.diagnosis import diagnose, unconfirmed
 from mbexport.core.diagnosis.diagnose import _largest_first, _verdict
-from mbexport.core.diagnosis.diagnosis import HowFar, Rejected, Unexplained
+from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
@@ -32,7 +32,7 @@ from mbexport.core.diagnosis.words import NEXT_TO_NOTHING
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
 
-from .pendulums import friction_free, pendulum_run, ringing_run, soft_run
+from .pendulums import pendulum_run, ringing_run, soft_run
 
 
 def runs(against=None, seeds=(1, 2), **options):
@@ -124,7 +124,7 @@ def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     def fails(self, seen, holdout, **options):
         answer, why = whole(self, seen, holdout, **options)
         failed = replace(answer, verdict="unexplained", which=(), notes=())
-        told = diagnose._Unconfirmed(diagnose.UNCONFIRMED, tuple(run.name for run in holdout))
+        told = unconfirmed.Unconfirmed(unconfirmed.FAILS, tuple(run.name for run in holdout))
         return (failed, told) if holdout else (answer, why)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
@@ -161,32 +161,6 @@ def test_what_only_the_held_out_run_moves_far_enough_to_show_is_found_in_parts_o
     assert answer.notes[-1].startswith("Most is left at joint_1, which moves over 1.57 rad in the held-out runs, 0.73")
 
 
-def test_the_runs_that_are_cut_are_those_that_show_the_gap():
-    quiet, rubs = runs(duration=1.0), runs(lambda t, q, dq: 0.4 * dq, seeds=(3, 4), duration=1.0)
-
-    def shows(*some):
-        named = [replace(run, name=f"run-{k}") for k, run in enumerate(some)]
-        return diagnose._Diagnosing._that_show(
-            problem(load("pendulum"), "rigid", named), named, splits(len(some), 1)[0]
-        )
-
-    assert shows(rubs[0], quiet[0], quiet[1]) == ("run-0",)
-    # not where there is another that may confirm it, nor where the held-out run has it
-    assert shows(rubs[0], rubs[1], quiet[0]) == ("run-2",)
-    assert shows(quiet[0], quiet[1], rubs[0]) == ("run-2",)
-
-
-@pytest.mark.parametrize(
-    ("long", "joints", "farther"), [(0.5, {"joint_1": 1.0}, True), (1.5, {"joint_1": 1.0}, False), (0.5, {}, False)]
-)
-def test_that_held_out_runs_move_a_joint_farther_is_told_of_the_one_where_most_is_left(long, joints, farther):
-    some = [pendulum_run(seed=k, duration=duration) for k, duration in ((1, long), (2, 3.0))]
-    asked = problem(load("pendulum"), "rigid", some)
-    diagnosing = diagnose._Diagnosing(asked.database, "rigid", "mjcf", [], lambda _: None)
-    said = diagnosing._moves_farther(asked, splits(2, 1)[0], Unexplained(0.8, joints, ""))
-    assert ("over 1.57 rad in the held-out runs" in said) == farther
-
-
 def test_parts_of_runs_are_not_searched_on_where_the_first_causes_leave_most(monkeypatch):
     """No answer is named there that leaves more than a third."""
     asked, whole = [], diagnose.search
@@ -197,7 +171,7 @@ def test_parts_of_runs_are_not_searched_on_where_the_first_causes_leave_most(mon
         return found
 
     monkeypatch.setattr(diagnose, "search", search)
-    monkeypatch.setattr(diagnose, "FIRST_CAUSES", 1)
+    monkeypatch.setattr(unconfirmed, "FIRST_CAUSES", 1)
     quiet, held_out = runs(duration=1.5)[0], runs(lambda t, q, dq: 2.0 * np.sin(40.0 * t) * t, duration=2.0)[0]
     answer = mbexport.diagnose("pendulum", [quiet], [held_out], level="rigid", backends=[])
     assert answer.verdict == "unexplained"
@@ -217,21 +191,6 @@ def test_what_no_cause_explains_on_loud_fitted_runs_is_asked_once(monkeypatch):
     answer = mbexport.diagnose("pendulum", driven[:1], driven[1:], level="rigid", backends=[])
     assert (answer.verdict, answer.which) == ("unexplained", ())
     assert asked == [1]
-
-
-def test_a_gap_is_nearly_the_held_out_runs_alone_where_the_others_show_next_to_nothing_of_it():
-    def asked(first, second):
-        given = [*runs(first, seeds=(1,)), *runs(second, seeds=(2,))]
-        whole = problem(load("pendulum"), "rigid", given)
-        way = Split((0,), (1,))
-        return diagnose._Diagnosing._nearly_alone(whole, whitening(whole), way, {})
-
-    def rubs(t, q, dq):
-        return 0.4 * dq
-
-    assert asked(friction_free, rubs)
-    assert not asked(rubs, rubs)
-    assert not asked(rubs, friction_free)
 
 
 def noisy_and_quiet():
