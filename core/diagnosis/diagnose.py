@@ -212,7 +212,7 @@ class _Diagnosing:
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer; of runs in parts where these alone show the gap, or what the fitted ones show fails."""
         answer, again = self._of(runs, holdout)
-        if not holdout or again is None:
+        if again is None:
             return answer
         apart, still = self._of([*runs, *holdout], (), cut=again.cut)
         if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
