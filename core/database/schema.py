@@ -8,6 +8,7 @@ from typing import Literal
 
 from ..effects import Column, Effect
 from ..representation import JointKind
+from ..signals import joint_unit
 
 Key = Literal["arm", "joint", "robot", "t"]
 
@@ -96,8 +97,8 @@ def effect_table(effect: Effect) -> Table:
 def motion_table(name: str, kinds: tuple[JointKind, ...]) -> Table:
     """The table `motions/<name>.dat` of a robot whose joints are of these kinds."""
     columns = tuple(
-        Column(f"{quantity}{joint}", ("rad" if kind == "revolute" else "m") + rate, default=default)
-        for quantity, rate, default in (("q", "", None), ("dq", "/s", 0.0), ("ddq", "/s^2", 0.0))
+        Column(f"{quantity}{joint}", joint_unit(quantity, kind), default=default)
+        for quantity, default in (("q", None), ("dq", 0.0), ("ddq", 0.0))
         for joint, kind in enumerate(kinds, 1)
     )
     return Table(f"motions/{name}", "t", columns)

@@ -31,6 +31,7 @@ from ..motion import MotionLaw
 from ..motion.excitation import ACCELERATION, AMPLITUDE, SHARE, SPEED
 from ..motion.probes import Probe, Room, one_after_the_other, probes, stretched, units
 from ..motion.tables import table_of_law
+from ..signals import joint_unit
 from .contender import THRESHOLD
 from .diagnosis import NextExperiment
 from .experiment_words import Pair, because_in_words, why_in_words
@@ -323,7 +324,5 @@ def _unit(problem: Problem, signal: str, index: int) -> str:
     """Of a channel."""
     if signal == "ee":
         return "m"
-    turns = problem.database.joints[index].kind == "revolute"
-    if signal == "q_link":
-        return "rad" if turns else "m"
-    return "N*m" if turns else "N"
+    # "u": the controller's own torque
+    return joint_unit("tau" if signal == "u" else signal, problem.database.joints[index].kind)

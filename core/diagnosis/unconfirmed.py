@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..recording import Run
+from ..signals import joint_unit
 from .diagnosis import Unexplained, Verdict
 from .found import Found
 from .model import Rows
@@ -118,7 +119,7 @@ def moves_farther(whole: Problem, way: Split, unexplained: Unexplained) -> str:
         return ""
     at = int(joint.removeprefix("joint_"))
     near, far = (float(whole.only(runs).way()[at - 1]) for runs in (way.seen, way.unseen))
-    unit = "m" if whole.database.joints[at - 1].kind == "prismatic" else "rad"
+    unit = joint_unit("q", whole.database.joints[at - 1].kind)
     return MOVES_FARTHER.format(joint=joint, far=far, near=near, unit=unit) if far > FARTHER * near else ""
 
 

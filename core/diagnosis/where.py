@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import Run
-from ..representation import Robot
+from ..representation import JointKind, Robot
+from ..signals import joint_unit
 from .blocks import Blocks
 from .diagnosis import Band, Dependence, JointShare, Phase, SignalGap, Where
 from .noise import Noise
@@ -70,13 +71,9 @@ def unit_of(signal: str, robot: Robot) -> str:
         return "m"
     if signal == "ee_rot":
         return "rad"
-    units = {"q": ("rad", "m"), "dq": ("rad/s", "m/s"), "tau": ("N*m", "N")}[signal.partition("_")[0]]
-    present = [unit for unit, kind in zip(units, ("revolute", "prismatic"), strict=True) if _has(robot, kind)]
-    return "|".join(present)
-
-
-def _has(robot: Robot, kind: str) -> bool:
-    return any(stage.joint.kind == kind for stage in robot.stages)
+    # turning joints first
+    kinds: list[JointKind] = sorted({stage.joint.kind for stage in robot.stages}, reverse=True)
+    return "|".join(joint_unit(signal, kind) for kind in kinds)
 
 
 def _joints(blocks: Blocks, n: int) -> dict[str, JointShare]:

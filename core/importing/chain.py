@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ModelFileError
 from ..kinematics.fit import JointAxis
 from ..representation import Inertia, Pose
+from ..signals import joint_unit
 from .bodies import impossible, put_together
 from .findings import listing, nearest
 from .model import Model, TreeJoint
@@ -231,7 +232,7 @@ class _Extraction:
             pose = parent @ body.in_parent
             held: list[str] = []
             for joint in body.joints:
-                unit = "rad" if joint.kind == "revolute" else "m"
+                unit = joint_unit("q", joint.kind)
                 held.append(f"{joint.name!r} at {joint.home!r} {unit}")
                 pose = pose @ joint.motion(joint.home)
             if held:

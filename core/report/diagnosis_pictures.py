@@ -23,6 +23,7 @@ from ..diagnosis.words import (
     variable_in_words,
 )
 from ..motion import from_table
+from ..signals import joint_unit
 from .pictures import COLOURS, Picture, new_figure, picture, styled
 
 BEFORE, AFTER, BAND, INK = "#d55e00", "#0072b2", "#dfe4ea", "#39424e"
@@ -166,12 +167,7 @@ def _unit_of(diagnosis: Diagnosis, channel: Channel) -> tuple[float, str]:
 def _si_unit(diagnosis: Diagnosis, signal: str, number: int) -> str:
     if _of_tool(signal):
         return "rad" if signal == "ee_rot" else "m"
-    slides = diagnosis.corrected.joints[number - 1].kind == "prismatic"
-    if signal.startswith("tau"):
-        return "N" if slides else "N*m"
-    base = "m" if slides else "rad"
-    order = len(signal.partition("q")[0])
-    return (base, f"{base}/s", f"{base}/s^2")[min(order, 2)]
+    return joint_unit(signal, diagnosis.corrected.joints[number - 1].kind)
 
 
 def _scale(unit: str) -> tuple[float, str]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..errors import RefusedError, UsageError
 from ..expansion import Expansion, expanded
 from ..representation import JointKind, Robot
+from ..signals import joint_unit
 from .backend import Backend, Engine, MachineState, Program, Vector
 from .backends import backend_named
 from .program import whole_program
@@ -425,7 +426,7 @@ def _left_limits(robot: Robot, times: Vector, q: Vector) -> Iterator[str]:
         outside = (q[:, i] < joint.lower - AT_LIMIT) | (q[:, i] > joint.upper + AT_LIMIT)
         if outside.any():
             first = float(times[int(np.argmax(outside))])
-            unit = "m" if joint.kind == "prismatic" else "rad"
+            unit = joint_unit("q", joint.kind)
             yield (
                 f"{joint.name} leaves its limits [{joint.lower!r}, {joint.upper!r}] {unit} at t = {first!r} s "
                 f"({int(outside.sum())} of {len(times)} samples, "

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..effects import catalogue
 from ..errors import MbexportError
+from ..signals import joint_unit
 from ..simulation.backends import backend_names
 from .bench import tables_of
 from .knobs import REACHES, Knob, Reach, knobs, round_step, shown_unit
@@ -96,7 +97,7 @@ class Panel:
         with gui.add_folder("Joints, at rest"):
             for i, stage in enumerate(view.robot.stages):
                 joint = stage.joint
-                unit, scale = shown_unit("rad" if joint.kind == "revolute" else "m")
+                unit, scale = shown_unit(joint_unit("q", joint.kind))
                 free = _FREE_TURN if joint.kind == "revolute" else _FREE_SLIDE
                 low = joint.lower / scale if math.isfinite(joint.lower) else -free
                 high = joint.upper / scale if math.isfinite(joint.upper) else free

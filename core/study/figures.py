@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from ..representation import JointKind
+from ..signals import joint_unit
+
 if TYPE_CHECKING:
     from ..simulation import Trace
 
@@ -25,13 +28,12 @@ def figure_names(n: int) -> tuple[str, ...]:
     )
 
 
-def figure_units(kinds: tuple[str, ...]) -> dict[str, str]:
+def figure_units(kinds: tuple[JointKind, ...]) -> dict[str, str]:
     """Name of each figure to its unit, for joints of these kinds."""
-    torque = {"revolute": "N*m", "prismatic": "N"}
     units: dict[str, str] = {}
     for name in figure_names(len(kinds)):
         if name.startswith("tau_"):
-            units[name] = torque[kinds[int(name.rpartition("_")[2]) - 1]]
+            units[name] = joint_unit("tau", kinds[int(name.rpartition("_")[2]) - 1])
         else:
             units[name] = "s" if name == "step" else "m"
     return units

@@ -13,6 +13,7 @@ from ..control import Control
 from ..effects import catalogue, effect_named
 from ..errors import UsageError
 from ..motion import hold, motion_named
+from ..representation import JointKind
 from ..simulation import backend_named
 from ..simulation.run import DEFAULT_RATE
 from .design import Design, Sampling, design
@@ -59,7 +60,7 @@ class Study:
     def facts(self) -> dict[str, Any]:
         """Content of study.json: what was varied and how it was run; nothing of when, where and by how many."""
         database, plan = self.experiment.database, self.design
-        kinds = tuple(joint.kind for joint in database.joints)
+        kinds: tuple[JointKind, ...] = tuple(joint.kind for joint in database.joints)
         return {
             "schema": SCHEMA,
             "study": self.hash(),
