@@ -5,8 +5,9 @@
 Each OUT is as diagnose.py or head_to_head.py wrote it, and is a column of the table. Adds to the first OUT: score.md
 with the figures and how reliable its probabilities are, score.json with the same and every finding beside its
 probability, and cases.md with a line a case. What can be told apart is apart.py's to say, and looked up beside the
-truth; --quick leaves out what is not there yet, and the true shrinkage. A case that was tried and gave no diagnosis
-counts as wrong.
+truth; --quick leaves out what is not there yet, and the true shrinkage. One effect named in the place of another is
+simulated by the generator's engine, with the numbers it was given: where it leaves less of the gap than effects do that
+are alike, it is. A case that was tried and gave no diagnosis counts as wrong.
 """
 
 from __future__ import annotations
@@ -67,6 +68,7 @@ class Case:
         apart: For each true effect what apart.py says of it; None: not looked at.
         seconds: What the diagnosis took.
         shrinks: (true shrinkage, gap before in units of noise); None: not asked for.
+        same: Whether the one effect that was named shows, with its numbers, the same as the true one.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Case:
     apart: list[dict] | None
     seconds: float
     shrinks: tuple[float, float] | None = None
+    same: bool = False
     wanted: list[Name] = field(default_factory=list)
     named: list[Name] = field(default_factory=list)
     sets: list[set[Name]] = field(default_factory=list)
@@ -106,9 +109,12 @@ class Case:
     @property
     def classes(self) -> list[set[Name]]:
         """The names that are right for each true effect: its own, and those that would show the same."""
+        same = self.named if self.same else []
         if self.apart is None:
-            return [{name, *self.one_body(name)} for name in self.wanted]
-        return [{(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"])} for row in self.apart]
+            return [{name, *self.one_body(name), *same} for name in self.wanted]
+        return [
+            {(row["effect"], row["at"]), *((o["effect"], o["at"]) for o in row["alike"]), *same} for row in self.apart
+        ]
 
     @property
     def together(self) -> set[Name]:
@@ -425,8 +431,23 @@ def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
             from shrinkage import true_shrinkage
 
             shrinks = true_shrinkage(truth, said["which"])
-        cases.append(Case(path.stem, truth, said, apart, json.loads(record.read_text())["seconds"], shrinks))
+        same = shows_the_same(truth, said["which"], apart)
+        cases.append(Case(path.stem, truth, said, apart, json.loads(record.read_text())["seconds"], shrinks, same))
     return cases
+
+
+def shows_the_same(truth: dict, found: list[dict], apart: list[dict] | None) -> bool:
+    """Whether one effect named in the place of another leaves next to nothing of the gap, with its numbers.
+
+    The best-fitting one leaves no more than that; apart.py's fits may miss it where springs ring and arms bounce.
+    """
+    case = Case("", truth, {"which": found}, apart, 0.0)
+    if len(found) != 1 or len(case.wanted) != 1 or case.right(case.named[0]):
+        return False
+    from apart import ALIKE
+    from shrinkage import left_by
+
+    return left_by(truth, found) < ALIKE
 
 
 def looked_up(bank: Path, name: str, truth: dict, *, quick: bool) -> list[dict] | None:

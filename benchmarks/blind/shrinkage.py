@@ -36,21 +36,38 @@ def corrected(recipe: dict, found: list[dict]) -> World:
     return world_of({**recipe, "database": database}, [], drawn=recipe["drawn"])
 
 
+def differences(recipe: dict, other: World, row: dict) -> list[np.ndarray]:
+    """Between the true robot and another one on a run, a signal each, in units of the noise floor."""
+    scene = Scene(recipe, None, [row], without=other)
+    if scene.mode not in ("torque", "unknown"):
+        return signals(scene, other, row)
+    track = scene.paths[0]
+    asked = track.asked_by(scene.truth)
+    gains = scene.truth.drives[:, COLUMN["gain"]] - other.drives[:, COLUMN["gain"]]
+    asked = Asked(**{**vars(asked), "extra": (track.tau * gains)[:, :, None], "reported": False})
+    values = track.shown(asked)[:, 0]
+    lengths = [3 if name == "ee" else scene.n for name in scene.floors]
+    return split(values, lengths, len(track.thin))
+
+
 def gap(recipe: dict, other: World) -> float:
     """Between the true robot and another one on the held-out run, in units of the noise floor."""
-    scene = Scene(recipe, None, recipe["runs"][-1:], without=other)
-    if scene.mode in ("torque", "unknown"):
-        track = scene.paths[0]
-        asked = track.asked_by(scene.truth)
-        gains = scene.truth.drives[:, COLUMN["gain"]] - other.drives[:, COLUMN["gain"]]
-        asked = Asked(**{**vars(asked), "extra": (track.tau * gains)[:, :, None], "reported": False})
-        values = track.shown(asked)[:, 0]
-        lengths = [3 if name == "ee" else scene.n for name in scene.floors]
-        parts = split(values, lengths, len(track.thin))
-    else:
-        parts = signals(scene, other)
+    parts = differences(recipe, other, recipe["runs"][-1])
     with np.errstate(over="ignore", invalid="ignore"):
         return math.sqrt(float(np.mean([np.mean(np.square(part)) for part in parts])))
+
+
+def left_by(recipe: dict, found: list[dict]) -> float:
+    """Part of the gap's energy on all runs that the robot with what was found leaves; nan where there is no gap."""
+    without, with_it = world_of(recipe, [], drawn=recipe["drawn"]), corrected(recipe, found)
+
+    def energy(other: World) -> float:
+        parts = [part for row in recipe["runs"] for part in differences(recipe, other, row)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return float(sum(np.sum(np.square(part)) for part in parts))
+
+    before = energy(without)
+    return energy(with_it) / before if before > NOTHING**2 else math.nan
 
 
 def split(values: np.ndarray, lengths: list[int], m: int) -> list[np.ndarray]:
@@ -58,10 +75,10 @@ def split(values: np.ndarray, lengths: list[int], m: int) -> list[np.ndarray]:
     return np.split(values, ends)
 
 
-def signals(scene: Scene, other: World) -> list[np.ndarray]:
+def signals(scene: Scene, other: World, row: dict) -> list[np.ndarray]:
     """Difference of each signal under the same command and controller, in units of noise."""
     track: Track = scene.paths[0]
-    law = law_of(scene.recipe, scene.recipe["runs"][-1])
+    law = law_of(scene.recipe, row)
     run = simulate(as_simulated(scene.recipe), other, law, track.seconds)
     return [(track.true.channel(name) - run.channel(name))[track.thin] / floor for name, floor in scene.floors.items()]
 

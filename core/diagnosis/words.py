@@ -25,9 +25,9 @@ PHASES = {
     "constant_speed": "at constant speed",
     "acceleration": "under acceleration",
 }
+# who laws are called after, by a plugin's effects too
+_PEOPLE = {"coulomb": "Coulomb", "stribeck": "Stribeck"}
 _EFFECTS = {
-    "coulomb_friction": "Coulomb friction",
-    "stribeck_friction": "Stribeck friction",
     "joint_compliance_6d": "joint compliance in six directions",
     "load_friction": "load-dependent friction",
 }
@@ -63,7 +63,7 @@ _SURE = 0.9995
 
 def effect_in_words(effect: str) -> str:
     """An effect's name for people: "coulomb_friction" is Coulomb friction."""
-    return _EFFECTS.get(effect, effect.replace("_", " "))
+    return _EFFECTS.get(effect) or " ".join(_PEOPLE.get(word, word) for word in effect.split("_"))
 
 
 def place_in_words(at: str) -> str:

@@ -100,6 +100,29 @@ def together():
     return [one["effect"] for one in rows[0]["together"]]
 
 
+def same():
+    """What other names leave of a pendulum's rotor, with their numbers: its link's inertia, and less of that."""
+    from score import shows_the_same
+    from shrinkage import left_by
+
+    case = recipe("motion", channels=["tau"])
+    case["runs"][0]["duration"] = 0.13
+    case["effects"] = [{"effect": "rotor_inertia", "at": 1, "parameters": {"inertia": 0.02}, "form": 0}]
+    case["stated"] = [{"effect": "rotor_inertia", "at": "joint_1", "exact": True, "scored": True, "total": {}}]
+
+    def found(effect, place, name, value):
+        return [{"effect": effect, "at": place, "parameters": {name: {"value": value}}}]
+
+    link, less = (found("link_inertia", "arm_1", "Izz", value) for value in (0.02, -0.02))
+    # a name that is right is not held against anything
+    right = found("rotor_inertia", "joint_1", "inertia", 0.03)
+    return {
+        "link": shows_the_same(case, link, None),
+        "right": shows_the_same(case, right, None),
+        "less": left_by(case, less),
+    }
+
+
 def load():
     """By how much friction under a load is off from that load's, where it has as good as none and slides fast."""
     from integrate import Command, flow, workspace
@@ -149,6 +172,7 @@ if __name__ == "__main__":
         "stamps": stamps,
         "apart": apart,
         "together": together,
+        "same": same,
         "load": load,
         "settled": settled,
     }

@@ -143,13 +143,31 @@ def test_one_body_is_like_a_body_and_an_encoder_together():
     assert {"encoder_offset", "coulomb_friction", "rotor_inertia"}.isdisjoint(alike)
 
 
+def test_another_name_counts_where_its_numbers_leave_next_to_nothing():
+    said = tiny("same")
+    assert said["link"]
+    assert not said["right"]
+    # twice as far from the truth as nothing is, and four times the energy
+    assert said["less"] == pytest.approx(4.0, rel=1.0e-3)
+
+
 @pytest.fixture(scope="module")
 def score(bank_module):
     return bank_module("score")
 
 
 def case(
-    score, wanted, found, *, group="single", strength="strong", alike=None, fitted=1e3, verdict="explained", total=None
+    score,
+    wanted,
+    found,
+    *,
+    group="single",
+    strength="strong",
+    alike=None,
+    fitted=1e3,
+    verdict="explained",
+    total=None,
+    same=False,
 ):
     stated = [
         {"effect": e, "at": at, "exact": True, "scored": True, "total": total or {"torque": 1.0}} for e, at in wanted
@@ -178,7 +196,7 @@ def case(
         }
         for own, names in zip(wanted, alike, strict=True)
     ]
-    return score.Case("a", truth, said, apart, 10.0)
+    return score.Case("a", truth, said, apart, 10.0, same=same)
 
 
 def figure(score, cases, name):
@@ -194,6 +212,10 @@ def test_a_name_counts_as_far_as_it_can_be_told_apart(score):
     twin = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB, VISCOUS}])
     assert figure(score, [right, wrong, twin], "single effect: effect and place right") == [True, False]
     assert figure(score, [right, wrong, twin], "... by its name or one") == [True, False, True]
+    # fits of the other may miss that it shows the same, where its own numbers tell
+    same = case(score, [COULOMB], [VISCOUS], alike=[{COULOMB}], same=True)
+    assert figure(score, [right, same], "single effect: effect and place right") == [True]
+    assert figure(score, [right, same], "... by its name or one") == [True, True]
     # what the runs do not show that a fit may see counts, and is told beside
     hidden = case(score, [COULOMB], [], alike=[{COULOMB}], fitted=1.0)
     assert figure(score, [right, hidden], "single effect: effect and place right") == [True, False]

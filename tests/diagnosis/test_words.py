@@ -54,6 +54,11 @@ def test_hundred_per_cent_is_all(share, said):
     assert percent(share) == said
 
 
+def test_laws_of_plugins_are_called_after_people_as_well():
+    said = [cause_in_words(effect, "joint_6") for effect in ("coupled_coulomb_friction", "load_friction", "my_drag")]
+    assert said == ["coupled Coulomb friction at joint 6", "load-dependent friction at joint 6", "my drag at joint 6"]
+
+
 def test_certainty_is_not_claimed():
     assert probability_in_words(1.0) == "over 99.9 %"
     assert probability_in_words(0.999) == "99.9 %"
