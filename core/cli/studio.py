@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import click
@@ -62,7 +64,7 @@ def command(
         print_json({"robot": database.name, "address": page.address, "output": str(folder)})
     else:
         click.echo(f"{database.name}: {page.address} (Ctrl-C ends it)")
-    if opened:
+    if opened and _has_screen():
         click.launch(page.address)
     try:
         page.wait()
@@ -70,3 +72,8 @@ def command(
         click.echo("")
     finally:
         page.close()
+
+
+def _has_screen() -> bool:
+    """Whether a browser can open a window; on Linux, over a plain connection say, there may be no screen."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
