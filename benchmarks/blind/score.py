@@ -255,7 +255,7 @@ def figures(cases: list[Case]) -> list[Figure]:
     several = of("pair", "triple")
     catalogued = [*seen, *several]
     foreign = of("outside")
-    distinct_foreign = [c for c in foreign if c.apart is None or c.distinct]
+    distinct_foreign = [c for c in foreign if c.distinct]
     # as positions alone are recorded, but for the torque
     beside = [c for c in plain if c.torque and c.truth["control"]["mode"] == "pd"]
     sets = [names for c in seen for names in c.sets]

@@ -49,7 +49,7 @@ from .model import Rows, level_rows, robot_of
 from .moments import with_moments
 from .noise import Noise, noise_floor
 from .nuisances import SPEED_IS_LATE, whitening
-from .numerics import NUMERICAL, late_beside, loudest_of, numerics, part_left, suspected
+from .numerics import HALF, NUMERICAL, late_beside, loudest_of, numerics, part_left, suspected
 from .other_form import contradicted, other_form
 from .other_laws import straightened
 from .placed import place_of
@@ -74,8 +74,9 @@ from .words import cause_in_words, percent, variable_in_words
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-# how much of a gap is no physics and cannot be put right
-Numerical = Literal["none", "half", "all"]
+# how much of a gap is no physics and cannot be put right: "much" of it where an effect may say all of it as well, "half"
+# where none is looked for
+Numerical = Literal["none", "much", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
 NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
@@ -136,6 +137,8 @@ SHOWN = 2
 HEARD = 2
 # and causes are looked for one by one
 MOST_HIDDEN = 8
+# part of what numerics leave that effects may leave, to be looked for in their place
+CLEARLY_LESS = 0.25
 # standard errors above none at which the measured motion says that speeds are late
 SURELY = 5.0
 # how often findings take the names that hold best
@@ -200,6 +203,23 @@ def _telling(progress: bool) -> Generator[Tell]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Righted:
+    """Runs with what is no physics put right.
+
+    Attributes:
+        runs: As they are compared.
+        gap: Theirs.
+        numerical: How much of it is what cannot be put right.
+        left: Part of the energy of the gap as it was that goes with no suspect.
+    """
+
+    runs: Sequence[Run]
+    gap: Gap
+    numerical: Numerical
+    left: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
 
@@ -227,6 +247,7 @@ class _Diagnosing:
         *,
         cut: Collection[str] = (),
         beside: Suspect | None = None,
+        physics: bool = False,
     ) -> tuple[Diagnosis, Unconfirmed | None]:
         """The answer of runs, and why some should be cut and all fitted, or what that did not confirm.
 
@@ -235,13 +256,21 @@ class _Diagnosing:
             holdout: To judge by.
             cut: Names of those that are cut in time once they are put right; a single run always is.
             beside: What is no physics and stands beside effects: it is put right first.
+            physics: Effects are looked for though more than half of the gap may be numerics.
         """
         given = [resolved(run) for run in known_together([*runs, *holdout])]
         notes: list[str] = [beside.beside_said(given)] if beside else []
         given = [beside.change(run) for run in given] if beside else given
-        righted, before, numerical = self._ready(given, notes)
+        righted = self._ready(given, notes, physics=physics)
+        before, numerical = righted.gap, righted.numerical
+        if numerical == "much":
+            # what makes more than half of a gap need not be its cause, where an effect makes all of it
+            answer, again = self._of(runs, holdout, cut=cut, beside=beside, physics=True)
+            left = (1.0 - (answer.how_far.shrinks_by or 0.0)) ** 2
+            if answer.verdict == "explained" and left < CLEARLY_LESS * righted.left:
+                return answer, again
         to_cut = cut or [run.name for run in given if len(given) == 1]
-        ready = [part for run in righted for part in (in_parts(run) if run.name in to_cut else (run,))]
+        ready = [part for run in righted.runs for part in (in_parts(run) if run.name in to_cut else (run,))]
         self.tell("what noise and tolerances may do")
         whole = self._between(problem(self.database, self.level, ready), ready, {})
         whiten = whitening(whole)
@@ -353,7 +382,7 @@ class _Diagnosing:
         )
         return answer, again
 
-    def _ready(self, runs: Sequence[Run], notes: list[str]) -> tuple[Sequence[Run], Gap, Numerical]:
+    def _ready(self, runs: Sequence[Run], notes: list[str], *, physics: bool) -> _Righted:
         """The runs with what is no physics put right, their gap, and how much of it is what cannot be put right."""
         notes += self._numerics(runs[loudest_of(*self._left(runs))])
         stamps: list[str] = []
@@ -363,15 +392,19 @@ class _Diagnosing:
         suspect, part = (None, 1.0) if before.is_noise else self._suspected(runs, ready)
         if suspect is None:
             notes += stamps
-            return ready, before, "none"
+            return _Righted(ready, before, "none", part)
         if part > NUMERICAL and not suspect.exact:
+            if physics:
+                notes += [*stamps, suspect.outdone_said(runs, part)]
+                return _Righted(ready, before, "none", part)
             notes += [*stamps, suspect.half_said(runs)]
-            return ready, before, "half"
+            # what is most joints' own is theirs, whatever makes another joint's
+            return _Righted(ready, before, "much" if part < HALF else "half", part)
         notes.append(suspect.said(runs))
         changed = [suspect.change(run) for run in runs]
         after = self._gap(changed)
         kind = "none" if suspect.exact else "all" if after.is_noise or part < OTHER_FORM else "half"
-        return changed, after, kind
+        return _Righted(changed, after, kind, part)
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Judge, Held]:
         """The search gone on to its end, what judged it, and what of its findings holds."""

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 from ..recording import Run
 from .stamps import unshifted
-from .words import listed
+from .words import listed, percent
 
 # a controller that ticks so much faster is nearly a continuous one
 FASTER = 8
@@ -90,6 +90,13 @@ class Suspect:
         return (
             f"More than half of the gap in {_names(runs)}, or of most joints' own, is that of {self.name}. That is "
             "numerics: no effect is looked for before it is put right."
+        )
+
+    def outdone_said(self, runs: Sequence[Run], part: float) -> str:
+        """A sentence on runs of which it would leave so much of the gap, where effects leave next to nothing."""
+        return (
+            f"The gap in {_names(runs)} is not taken for numerics: what was found leaves next to nothing of it, and "
+            f"{percent(part)} would be left by {self.name}."
         )
 
     def beside_said(self, runs: Sequence[Run]) -> str:

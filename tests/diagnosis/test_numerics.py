@@ -182,6 +182,21 @@ def test_no_effect_is_looked_for_where_most_of_a_gap_is_numerics():
     assert not any("More than half" in note for note in answer.notes)
 
 
+@pytest.mark.parametrize("more", [0.01, 0.02])
+def test_a_gain_that_makes_more_than_half_of_what_numerics_makes_is_named(more):
+    """A hundredth more damping than the log says looks three quarters like a controller that acts without a hold."""
+    runs = [pendulum_run("pd", seed=seed) for seed in (1, 2)]
+    stated = [replace(run, control=replace(run.control, kd=(KD / (1.0 + more),))) for run in runs]
+    answer = mbexport.diagnose("pendulum", stated, level="rigid", backends=[])
+    assert answer.verdict == "explained"
+    (gain,) = answer.which
+    assert gain.effect == "controller_gain"
+    assert gain.parameters["kd"].value == pytest.approx(1.0 + more, abs=0.003)
+    assert gain.parameters["kp"].value == pytest.approx(1.0, abs=0.003)
+    said = any("not taken for numerics" in note and "without a hold" in note for note in answer.notes)
+    assert said == (more == 0.01)
+
+
 def positions(run):
     """A run whose torque was not measured."""
     return replace(run, signals={name: run.signals[name] for name in ("q", "q_cmd", "dq_cmd")})
