@@ -74,8 +74,8 @@ from .words import cause_in_words, percent, variable_in_words
 Vector = NDArray[np.float64]
 Tell = Callable[[str], None]
 
-# how much of a gap is no physics and cannot be put right: "much" of it where an effect may say all of it as well, "half"
-# where none is looked for
+# how much of a gap is no physics and cannot be put right: "much" where effects may say all of it as well, and "half"
+# where none are looked for
 Numerical = Literal["none", "much", "half", "all"]
 STUCK = "would never slip on these runs: a spring says the same"
 NO_PHYSICS = (

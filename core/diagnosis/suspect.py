@@ -19,7 +19,7 @@ from .words import listed, percent
 # a controller that ticks so much faster is nearly a continuous one
 FASTER = 8
 # what is recorded with positions
-_PLACES = ("q", "q_link", "ee", "tau_link")
+_PLACES = ("q", "q_link", "ee", "ee_rot", "tau_link")
 
 
 @lru_cache(maxsize=4)

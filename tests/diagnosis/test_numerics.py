@@ -30,11 +30,12 @@ from mbexport.core.diagnosis.numerics import (
 from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.resimulate import residuals, resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
-from mbexport.core.diagnosis.suspect import with_coarse_steps, with_held_command
+from mbexport.core.diagnosis.suspect import with_coarse_steps, with_held_command, with_steps
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError
 from mbexport.core.motion import from_table
 from mbexport.core.recording import Run
+from mbexport.core.recording.run import MEASURED
 from mbexport.core.simulation import simulate
 
 DATABASE, PLANAR = load("pendulum"), load("planar2r")
@@ -343,6 +344,16 @@ def planar_run(engine, rows=None, seed=1):
     signals = {name: trace.joints[name] + noise[name] * random.normal(size=q_cmd.shape) for name in noise}
     signals |= {"q_cmd": q_cmd, "dq_cmd": dq_cmd}
     return Run(f"run {seed}", trace.t, signals, control, noise, (), {}, "", (), 250.0)
+
+
+def test_where_everything_is_comes_half_such_a_step_early():
+    """The tool's orientation too: positions and what the arms bear, and neither speeds nor what motors give."""
+    t = np.arange(100) / 250.0
+    signals = {name: np.repeat(t[:, None], 4 if name == "ee_rot" else 3, axis=1) for name in MEASURED}
+    run = Run("ramp", t, signals, Control("pd", (KP,), (KD,), rate=1000.0), {}, (), {}, "", (), 250.0)
+    moved = {name: float(np.nanmedian(values - t[:, None])) for name, values in with_steps(run, 0.5).signals.items()}
+    still = {"dq", "tau"}
+    assert moved == pytest.approx({name: 0.0 if name in still else -0.25e-3 for name in MEASURED}, abs=1e-9)
 
 
 def test_an_integrator_of_first_order_with_several_steps_a_tick_is_no_effect():
