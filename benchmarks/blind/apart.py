@@ -347,14 +347,20 @@ class Scene:
     """A case's runs, its true robot, and the same without one of its effects, or another robot."""
 
     def __init__(
-        self, recipe: dict, index: int | None, rows: list[dict] | None = None, without: World | None = None
+        self,
+        recipe: dict,
+        index: int | None,
+        rows: list[dict] | None = None,
+        without: World | None = None,
+        judge: Judge | None = None,
     ) -> None:
         self.recipe, self.mode = recipe, recipe["control"]["mode"]
         self.others = [e for k, e in enumerate(recipe["effects"]) if k != index]
         self.truth = world_of(recipe, recipe["effects"], drawn=recipe["drawn"])
         self.without = self.world([]) if without is None else without
         self.n = self.truth.robot.n
-        judge = Judge(recipe)
+        # many simulations, of the robot as it is known
+        judge = judge or Judge(recipe)
         floors, at = {}, 0
         for name in judge.channels():
             size = 3 if name == "ee" else self.n

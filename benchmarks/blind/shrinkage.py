@@ -9,11 +9,12 @@ Mode torque: what differing torques move in half a second, from the true state, 
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 from apart import Asked, Scene, Track
-from design import as_simulated, law_of
+from design import Judge, as_simulated, law_of
 from world import COLUMN, World, simulate, world_of
 
 # a gap, in units of noise, that is one of rounding
@@ -36,38 +37,40 @@ def corrected(recipe: dict, found: list[dict]) -> World:
     return world_of({**recipe, "database": database}, [], drawn=recipe["drawn"])
 
 
-def differences(recipe: dict, other: World, row: dict) -> list[np.ndarray]:
-    """Between the true robot and another one on a run, a signal each, in units of the noise floor."""
-    scene = Scene(recipe, None, [row], without=other)
+def differences(judge: Judge, other: World, rows: list[dict]) -> list[list[np.ndarray]]:
+    """Between the true robot and another one on each of some runs, a signal each, in units of the noise floor."""
+    scene = Scene(judge.recipe, None, rows, without=other, judge=judge)
     if scene.mode not in ("torque", "unknown"):
-        return signals(scene, other, row)
-    track = scene.paths[0]
-    asked = track.asked_by(scene.truth)
+        return [signals(scene, other, track, row) for track, row in zip(scene.paths, rows, strict=True)]
     gains = scene.truth.drives[:, COLUMN["gain"]] - other.drives[:, COLUMN["gain"]]
-    asked = Asked(**{**vars(asked), "extra": (track.tau * gains)[:, :, None], "reported": False})
-    values = track.shown(asked)[:, 0]
     lengths = [3 if name == "ee" else scene.n for name in scene.floors]
-    return split(values, lengths, len(track.thin))
+    out = []
+    for track in scene.paths:
+        asked = track.asked_by(scene.truth)
+        asked = Asked(**{**vars(asked), "extra": (track.tau * gains)[:, :, None], "reported": False})
+        out.append(split(track.shown(asked)[:, 0], lengths, len(track.thin)))
+    return out
 
 
-def gap(recipe: dict, other: World) -> float:
+def gap(judge: Judge, other: World) -> float:
     """Between the true robot and another one on the held-out run, in units of the noise floor."""
-    parts = differences(recipe, other, recipe["runs"][-1])
+    (parts,) = differences(judge, other, judge.recipe["runs"][-1:])
     with np.errstate(over="ignore", invalid="ignore"):
         return math.sqrt(float(np.mean([np.mean(np.square(part)) for part in parts])))
 
 
 def left_by(recipe: dict, found: list[dict]) -> float:
     """Part of the gap's energy on all runs that the robot with what was found leaves; nan where there is no gap."""
-    without, with_it = world_of(recipe, [], drawn=recipe["drawn"]), corrected(recipe, found)
+
+    judge = Judge(recipe)
 
     def energy(other: World) -> float:
-        parts = [part for row in recipe["runs"] for part in differences(recipe, other, row)]
         with np.errstate(over="ignore", invalid="ignore"):
+            parts = itertools.chain(*differences(judge, other, recipe["runs"]))
             return float(sum(np.sum(np.square(part)) for part in parts))
 
-    before = energy(without)
-    return energy(with_it) / before if before > NOTHING**2 else math.nan
+    before = energy(world_of(recipe, [], drawn=recipe["drawn"]))
+    return energy(corrected(recipe, found)) / before if before > NOTHING**2 else math.nan
 
 
 def split(values: np.ndarray, lengths: list[int], m: int) -> list[np.ndarray]:
@@ -75,9 +78,8 @@ def split(values: np.ndarray, lengths: list[int], m: int) -> list[np.ndarray]:
     return np.split(values, ends)
 
 
-def signals(scene: Scene, other: World, row: dict) -> list[np.ndarray]:
+def signals(scene: Scene, other: World, track: Track, row: dict) -> list[np.ndarray]:
     """Difference of each signal under the same command and controller, in units of noise."""
-    track: Track = scene.paths[0]
     law = law_of(scene.recipe, row)
     run = simulate(as_simulated(scene.recipe), other, law, track.seconds)
     return [(track.true.channel(name) - run.channel(name))[track.thin] / floor for name, floor in scene.floors.items()]
@@ -88,10 +90,11 @@ def true_shrinkage(recipe: dict, found: list[dict]) -> tuple[float, float] | Non
 
     In mode torque these are positions alone: what is wrong with a torque sensor moves none.
     """
-    before = gap(recipe, world_of(recipe, [], drawn=recipe["drawn"]))
+    judge = Judge(recipe)
+    before = gap(judge, world_of(recipe, [], drawn=recipe["drawn"]))
     if before < NOTHING:
         return None
-    after = gap(recipe, corrected(recipe, found)) if found else before
+    after = gap(judge, corrected(recipe, found)) if found else before
     if not math.isfinite(after):
         return -math.inf, before
     return 1.0 - after / before, before
