@@ -62,6 +62,9 @@ ABOUT: tuple[float, ...] = tuple(np.geomspace(0.9, 1.1, 11).tolist())
 GIVES = 1.0
 # one standard deviation of a number that no run shows, in its size
 TIMES = 3.0
+# how strongly a number stays where it began, in noise by its size: next to nothing beside what a run says of it, and
+# enough where none does, or rounding would take it anywhere
+STAYS = 1.0e-3
 # of what is known of a number the part that the runs must say
 RESOLVED = 0.5
 
@@ -324,15 +327,15 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         return {key: EffectRow(key[1], v) for key, v in values.items()}
 
     def whitened(x: Vector, sigma: Vector) -> Vector:
-        return np.concatenate([residual.at(x) / sigma, held.apart(x * size)])
+        return np.concatenate([residual.at(x) / sigma, held.apart(x * size), STAYS * (x - begun)])
 
     def slopes(x: Vector, sigma: Vector) -> Vector:
         apart = differences(lambda there: held.apart(there * size), x, high)
-        return np.vstack([residual.slopes(x) / sigma[:, None], apart])
+        return np.vstack([residual.slopes(x) / sigma[:, None], apart, STAYS * np.eye(len(x))])
 
     held = Plain.of(problem, free)
     residual = Sloped(lambda x: left_with(problem, whiten, tables(rows_at(x))), high)
-    x = np.clip(start / size, low + 1e-12, high)
+    x = begun = np.clip(start / size, low + 1e-12, high)
     sigma = spread(residual.at(x), parts)
     sigma_last = sigma
     solution: Any = None
