@@ -99,12 +99,7 @@ def bristle_after(p, z, v, height):
     """The bristle after a step: what slid stays slid (form 0)."""
     if p[FORM] != 0.0 or height <= 0.0:
         return z
-    lead = p[BRISTLE_LEAD] * v
-    if z + lead > p[BRISTLE]:
-        return p[BRISTLE] - lead
-    if z + lead < -p[BRISTLE]:
-        return -p[BRISTLE] - lead
-    return z
+    return min(p[BRISTLE], max(-p[BRISTLE], z))
 
 
 @njit(cache=True)

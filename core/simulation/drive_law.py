@@ -145,17 +145,15 @@ def drive_torques(
         if level > 0.0:
             give = table.stick_displacement[i]
             if give > 0.0:
-                lead = table.stick_time[i] * dtheta[i]
-                bent = (theta[i] - stick_anchor[i] + lead) / give
-                if bent > 1.0:
-                    bent = 1.0
-                    if accept:
-                        stick_anchor[i] = theta[i] + lead - give
-                elif bent < -1.0:
-                    bent = -1.0
-                    if accept:
-                        stick_anchor[i] = theta[i] + lead + give
-                resistance += level * bent
+                # damped as it bends, and never more than the level. What slides lets go by where it is: friction turns
+                # where the speed does, and not before it by the time of that damping
+                moved = theta[i] - stick_anchor[i]
+                bent = (moved + table.stick_time[i] * dtheta[i]) / give
+                if accept and moved > give:
+                    stick_anchor[i] = theta[i] - give
+                elif accept and moved < -give:
+                    stick_anchor[i] = theta[i] + give
+                resistance += level * min(max(bent, -1.0), 1.0)
             else:
                 resistance += level * math.tanh(dtheta[i] / table.smooth_velocity[i])
         for k in range(table.slip_first[i], table.slip_first[i + 1]):
