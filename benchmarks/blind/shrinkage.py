@@ -61,7 +61,6 @@ def gap(judge: Judge, other: World) -> float:
 
 def left_by(recipe: dict, found: list[dict]) -> float:
     """Part of the gap's energy on all runs that the robot with what was found leaves; nan where there is no gap."""
-
     judge = Judge(recipe)
 
     def energy(other: World) -> float:

@@ -17,6 +17,7 @@ from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
 from .noise import Noise, loudest
+from .polish import MOST_STEPS
 from .resimulate import each_simulated, mode_of, residuals, resimulated, resimulated_once, steps_of
 from .stamps import TORQUES
 from .suspect import (
@@ -49,8 +50,6 @@ HINT, HELD = 0.3, (2, 3, 4, 5, 8, 10)
 LATEST, CLOSER = 20.0, 3
 # less late than that is on time, and so near to how late they are is near enough
 LEAST_LATE, NEAR = 0.01, 0.02
-# of an engine, for all runs once: of what is so stiff nobody awaits whether speeds are late beside it
-MOST_STEPS = 1.0e6
 # log evidence by which late speeds must be the likelier cause than a rotor
 LIKELIER = 10.0
 # part of a gap's energy that is left where it was no physics, and where half of it was
@@ -246,6 +245,7 @@ def late_beside(
         return each_simulated(lambda one: left_by(suspect, one[0], one[2], backend, nominal=one[1]), triples, backend)
 
     try:
+        # of what is so stiff nobody awaits whether speeds are late beside it
         if sum(steps_of(robot, run, backend) for robot, run in zip(robots, runs, strict=True)) > MOST_STEPS:
             return None
         before = each_simulated(lambda one: residuals(one[2], resimulated(*one, backend), one[0]), triples, backend)
