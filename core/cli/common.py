@@ -39,7 +39,12 @@ def level_options(command: Command) -> Command:
     """--level, --with and --with-effects."""
     for option in (
         with_effects_option,
-        click.option("--with", "with_", metavar="EFFECT,...", help="Effects of the database instead of a level."),
+        click.option(
+            "--with",
+            "with_",
+            metavar="EFFECT,...",
+            help="These effects alone, of the database and of --with-effects, instead of a level.",
+        ),
         click.option("--level", metavar="NAME", help="Level of complexity: full (default), rigid, or one it names."),
     ):
         command = option(command)

@@ -53,6 +53,15 @@ def test_version(mbexport):
     assert mbexport("--version").out == f"mbexport {version('mbexport')}\n"
 
 
+def test_the_package_runs_as_its_script_does(mbexport):
+    def module(*words: str) -> tuple[int, str, str]:
+        done = subprocess.run([sys.executable, "-m", "mbexport", *words], capture_output=True, text=True, check=False)
+        return done.returncode, done.stdout, done.stderr
+
+    assert module("--version") == (0, mbexport("--version").out, "")
+    assert module("chek", "imece2013") == (2, "", mbexport("chek", "imece2013").err)
+
+
 def test_help_loads_nothing_heavy():
     assert loaded_by("--help") == set()
 
