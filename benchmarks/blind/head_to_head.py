@@ -30,9 +30,10 @@ from given import LEVEL, Given, Number, Rows, given, rows_of
 from score import Case, Figure, markdown, middle, opened
 
 from mbexport.core.diagnosis.blocks import Blocks, Sums
+from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.resimulate import residuals, resimulated
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.errors import MbexportError
 
 ENGINE = "mjcf"

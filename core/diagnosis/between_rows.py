@@ -23,7 +23,8 @@ from .evidence import Between, Evidence, Voice, coefficients, differences
 from .model import Rows, robot_of
 from .polish import STIFFER
 from .prepare import Prepared, prepared
-from .resimulate import each_simulated, rattles, resimulated, steps_of
+from .resimulate import each_simulated, resimulated, steps_of
+from .starting_side import rattles
 
 Vector = NDArray[np.float64]
 

@@ -18,11 +18,12 @@ from ..database import Database
 from ..errors import RefusedError
 from ..recording import Run
 from .blocks import Blocks, Sums
+from .compared import mode_of, residuals
 from .found import Found, rows_of
 from .model import robot_of
 from .noise import noise_floor
 from .refine import PLAY, as_wide
-from .resimulate import mode_of, residuals, resimulated
+from .resimulate import resimulated
 
 Vector = NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -232,6 +232,22 @@ class Overlay:
     after: Mapping[str, Vector]
     noise: Mapping[str, Vector]
     held_out: bool
+
+    def drawable(self, since: float) -> Overlay:
+        """From a time on, without what leads up to it, and without orientations, which are no curves."""
+        rows = self.t >= since
+
+        def curves(signals: Mapping[str, Vector]) -> dict[str, Vector]:
+            return {name: values[rows] for name, values in signals.items() if name != "ee_rot"}
+
+        return replace(
+            self,
+            t=self.t[rows],
+            measured=curves(self.measured),
+            before=curves(self.before),
+            after=curves(self.after),
+            noise={name: sigma for name, sigma in self.noise.items() if name != "ee_rot"},
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,15 @@ from ..recording import Run
 from ..recording.run import MEASURED
 from ..representation import Robot
 from .blocks import DRAWS, Blocks, Sums
+from .compared import compared, mode_of, residuals
 from .diagnosis import EffectShare, HowFar, Overlay
 from .evidence import SEED
 from .found import Found, rows_of
 from .gap import LEVEL
 from .model import robot_of
 from .noise import Noise, noise_floor
-from .resimulate import compared, each_simulated, mode_of, rattles, residuals, resimulated
+from .resimulate import each_simulated, resimulated
+from .starting_side import rattles
 
 Vector = NDArray[np.float64]
 Simulated = Mapping[str, Vector]

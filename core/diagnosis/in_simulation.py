@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import RefusedError
 from ..signals import JOINT_SIGNALS
+from .compared import mode_of, residuals
 from .contender import THRESHOLD
 from .fit import blocks
 from .found import Found, as_hard_as_a_contact, rows_of
@@ -18,7 +19,7 @@ from .model import robot_of
 from .noise import noise_floor
 from .polish import closing
 from .refine import refined, vanished
-from .resimulate import mode_of, residuals, resimulated
+from .resimulate import resimulated
 from .resonance import springs
 from .state import Search, beside
 from .unseen import OTHER_FORM, judged

@@ -16,6 +16,7 @@ from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from .beyond import DROOP, KNEE, LIMIT
 from .bounces import Bounces, bounces
+from .compared import mode_of, residuals
 from .cutting import cutting
 from .diagnosis import HowFar, Overlay, Rejected
 from .fit import blocks
@@ -48,7 +49,7 @@ from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, polished, unsure
 from .problem import Problem, problem
 from .refine import PLAY, Refined, refined, vanished
-from .resimulate import free_arms, mode_of, residuals, resimulated, steps_of
+from .resimulate import free_arms, resimulated, steps_of
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
 from .unseen import EARNS, NOTHING, OTHER_FORM, Split, Unseen, in_parts, judged, splits, worth_by
 from .words import listed

@@ -16,11 +16,12 @@ from ..kinematics import dynamics, kinematics
 from ..recording import ChannelNoise, Run
 from ..recording.run import MEASURED
 from ..representation import Arm, Robot
+from .beginning import WINDOW, window_edges
+from .compared import mode_of
 from .feedback import hears, told
 from .inverse import behind_gears
 from .model import robot_of
-from .prepare import prepared, small_turn
-from .resimulate import WINDOW, mode_of, settled, smoothed, window_edges
+from .prepare import prepared, settled, small_turn, smoothed
 from .sensed import noise_in, response_of
 
 Vector = NDArray[np.float64]

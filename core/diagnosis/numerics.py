@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,10 @@ from ..recording import Run
 from ..representation import Robot
 from ..simulation import Backend, backend_named
 from ..simulation.step import choose_step, poses_of
+from .compared import mode_of, residuals
 from .noise import Noise, loudest
 from .polish import MOST_STEPS
-from .resimulate import each_simulated, mode_of, residuals, resimulated, resimulated_once, steps_of
+from .resimulate import each_simulated, resimulated, resimulated_once, steps_of
 from .stamps import TORQUES
 from .suspect import (
     COARSE_STEPS,
@@ -36,6 +37,8 @@ from .suspect import (
 
 Vector = NDArray[np.float64]
 Left = TypeVar("Left")
+# how much of a gap is no physics and cannot be put right
+Numerical = Literal["none", "half", "all"]
 
 # of a gap's energy along what a suspect changes, what makes it worth a closer look
 WORTH = 0.5

@@ -25,11 +25,13 @@ from ..errors import MbexportError, RefusedError
 from ..recording import Run
 from ..representation import Robot
 from .blocks import BLOCK
+from .compared import compared, mode_of, residuals
 from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
 from .refine import MOST_TICKS, Refined, bounds_of, tick_of
-from .resimulate import compared, each_simulated, linear, mode_of, residuals, resimulated, resimulated_once, steps_of
+from .resample import linear
+from .resimulate import each_simulated, resimulated, resimulated_once, steps_of
 
 Vector = NDArray[np.float64]
 

@@ -40,6 +40,8 @@ FEWEST_FILTERED = 3 * (ORDER + 1) + 1
 # the ends of a run, where the smoothing knows one side only, in periods of its corner: accelerations need twice what
 # positions do
 EDGE = 3.0
+# a filter that was begun on a moving robot is let settle so many of its edges long
+SETTLED = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -315,3 +317,15 @@ def _on(grid: Vector, run: Run, values: Vector) -> tuple[Vector, Mask]:
         place = np.clip(np.searchsorted(times, grid), 1, len(times) - 1)
         hole[:, i] = (times[place] - times[place - 1]) > 3.5 / run.rate
     return out, hole
+
+
+@lru_cache(maxsize=32)
+def smoothed(run: Run) -> Prepared:
+    """The run behind the zero-phase filter that mode unknown is compared through, made once a run."""
+    return prepared(run)
+
+
+def settled(grid: Prepared) -> slice:
+    """What is compared, where the filter's ends are no longer felt."""
+    edge = min(SETTLED * grid.edge, (len(grid.t) - grid.first) // 4)
+    return slice(max(edge, grid.first), len(grid.t) - edge)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from ..recording import Run, steps_of
 from ..recording.run import MEASURED
 from ..representation import Robot
+from .compared import mode_of, residuals
 from .noise import Noise
-from .resimulate import linear, mode_of, residuals
+from .resample import linear
 
 Vector = NDArray[np.float64]
 

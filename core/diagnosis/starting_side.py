@@ -162,3 +162,8 @@ def nearest_start(
             if (left := missed(tried)) < least:
                 best, least = tried, left
     return best
+
+
+def rattles(robot: Robot) -> bool:
+    """Whether an arm may fly across a clearance."""
+    return any(clearance_of(stage) > 0.0 for stage in robot.stages)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..recording import LeftOut, Run
+from .compared import mode_of
 from .prepare import band_of, widened
-from .resimulate import mode_of
 from .sensed import noise_in
 from .stamps import TORQUES
 

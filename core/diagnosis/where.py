@@ -17,7 +17,8 @@ from ..signals import joint_unit
 from .blocks import Blocks
 from .diagnosis import Band, Dependence, JointShare, Phase, SignalGap, Where
 from .noise import Noise
-from .resimulate import linear, smoothed
+from .prepare import smoothed
+from .resample import linear
 
 Vector = NDArray[np.float64]
 

@@ -10,6 +10,7 @@ from pendulums import pendulum_run
 
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.compared import compared
 from mbexport.core.diagnosis.diagnose import diagnose
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
@@ -21,7 +22,7 @@ from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.prepare import creep_of, prepared
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
-from mbexport.core.diagnosis.resimulate import compared, resimulated
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.diagnosis.search import search
 from mbexport.core.diagnosis.state import Search, prune
 from mbexport.core.effects import EffectRow

@@ -13,8 +13,8 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose, unconfirmed
-from mbexport.core.diagnosis.diagnose import _largest_first, _verdict
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
+from mbexport.core.diagnosis.findings import largest_first
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
@@ -28,6 +28,7 @@ from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.state import Search, contenders
 from mbexport.core.diagnosis.unseen import LEAD, Split, Unseen, in_parts, splits
+from mbexport.core.diagnosis.verdict import outside_names, unheld, verdict_of
 from mbexport.core.diagnosis.words import NEXT_TO_NOTHING
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RunFileError
@@ -107,8 +108,8 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
     """What is left may be another form of its law."""
     whole = diagnose._Diagnosing._of
 
-    def half(self, seen, holdout, **options):
-        answer, why = whole(self, seen, holdout, **options)
+    def half(self, ask):
+        answer, why = whole(self, ask)
         verdict = "partly_explained" if answer.which and not another_form else answer.verdict
         return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4)), why
 
@@ -121,11 +122,11 @@ def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypat
 def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     whole = diagnose._Diagnosing._of
 
-    def fails(self, seen, holdout, **options):
-        answer, why = whole(self, seen, holdout, **options)
+    def fails(self, ask):
+        answer, why = whole(self, ask)
         failed = replace(answer, verdict="unexplained", which=(), notes=())
-        told = unconfirmed.Unconfirmed(unconfirmed.FAILS, tuple(run.name for run in holdout))
-        return (failed, told) if holdout else (answer, why)
+        told = unconfirmed.Unconfirmed(unconfirmed.FAILS, tuple(run.name for run in ask.holdout))
+        return (failed, told) if ask.holdout else (answer, why)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
     rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
@@ -182,9 +183,9 @@ def test_what_no_cause_explains_on_loud_fitted_runs_is_asked_once(monkeypatch):
     """Parts of the held-out run would make it no clearer, and take as long again."""
     asked, whole = [], diagnose._Diagnosing._of
 
-    def once(self, seen, holdout, **options):
-        asked.append(len(holdout))
-        return whole(self, seen, holdout, **options)
+    def once(self, ask):
+        asked.append(len(ask.holdout))
+        return whole(self, ask)
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", once)
     driven = runs(lambda t, q, dq: 2.0 * math.sin(11.0 * t + 4.0 * math.sin(1.7 * t)))
@@ -339,8 +340,8 @@ def test_what_a_law_of_another_form_leaves_is_told_and_not_open():
 def test_what_rings_outside_the_catalogue_is_told_beside_a_bearing():
     """A mount under the base and a load that sloshes look like one."""
     bearing, friction = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("joint_compliance_6d", "viscous_friction"))
-    assert any("sloshes" in note for note in diagnose.outside_names([friction, bearing]))
-    assert diagnose.outside_names([friction]) == []
+    assert any("sloshes" in note for note in outside_names([friction, bearing]))
+    assert outside_names([friction]) == []
 
 
 def far(total, without, sure):
@@ -432,20 +433,20 @@ def test_a_delay_that_does_not_help_goes_whatever_its_evidence():
 def test_what_no_held_out_run_excites_is_no_gap_that_is_not_there(gain, why, said):
     clipped = Found("torque_limit", 1, EffectRow(1, {"torque": 5.0}), gain)
     held = SimpleNamespace(found=(), dropped=(Rejected("torque_limit", "joint_1", why),))
-    assert len(diagnose._unheld([clipped], held)) == said
+    assert len(unheld([clipped], held)) == said
     held.found = (clipped,)
-    assert diagnose._unheld([clipped], held) == []
+    assert unheld([clipped], held) == []
 
 
-def test_findings_are_told_the_largest_first():
+def test_findings_are_told_thelargest_first():
     names = ("viscous_friction", "coulomb_friction", "backlash")
     found = [Found(name, k, EffectRow(k, {}), 50.0) for k, name in enumerate(names, start=1)]
     # without friction that is nearly all next to nothing goes; without the last no engine can simulate it
     without = {"viscous_friction joint_1": 0.98, "coulomb_friction joint_2": 0.01, "backlash joint_3": None}
     held = SimpleNamespace(found=found, how_far=SimpleNamespace(without=without))
-    assert _largest_first(held) == [2, 1, 0]
+    assert largest_first(held) == [2, 1, 0]
     nothing = SimpleNamespace(found=found, how_far=SimpleNamespace(without={}))
-    assert _largest_first(nothing) == [0, 1, 2]
+    assert largest_first(nothing) == [0, 1, 2]
 
 
 def held_alone(effect, against, delay):
@@ -626,7 +627,7 @@ def test_viscous_friction_that_follows_a_drag_is_not_the_whole_cause(against, gr
     held = Held(found, SimpleNamespace(open=0.0, stands_out=False), (), set(), far, (), None)
     rest = without_growing(judge, held)
     assert (rest.found, rest.no_law.joint if rest.no_law else 0) == (found, growing)
-    assert _verdict(rest, True, None, None) == ("partly_explained" if growing else "explained")
+    assert verdict_of(rest, True, None, None) == ("partly_explained" if growing else "explained")
 
 
 @pytest.mark.parametrize(

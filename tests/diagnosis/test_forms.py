@@ -9,7 +9,6 @@ import pytest
 
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import unseen
-from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import Unexplained
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import HALF_SAID, SOFTLY_SAID, TWICE_SAID, _every_form
@@ -26,6 +25,7 @@ from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.search import search
 from mbexport.core.diagnosis.state import Search
 from mbexport.core.diagnosis.unseen import Along, bent, judged, splits
+from mbexport.core.diagnosis.verdict import unexplained_of, verdict_of
 from mbexport.core.diagnosis.words import open_in_words
 from mbexport.core.effects import EffectRow
 
@@ -244,7 +244,7 @@ def speaks_against(against, item, adequate=True):
 def test_what_evidence_tells_of_what_noise_hides_is_said():
     """Else nobody knows why a gap that is down to the noise is explained in part."""
     held = SimpleNamespace(no_law=NoLaw(6, GROWS_SAID.format(joint=6)), open=0.0)
-    rest = _unexplained("partly_explained", None, held, None, None)
+    rest = unexplained_of("partly_explained", None, held, None, None)
     answer = SimpleNamespace(verdict="partly_explained", unexplained=rest)
     assert open_in_words(answer) == (
         "Not explained: a resistance that grows faster than with the speed of joint 6; what was found leaves no more "
@@ -279,9 +279,9 @@ def test_what_the_measured_motion_has_left_speaks_against_what_closes_a_gap_in_s
 
 def test_a_cause_that_the_measured_motion_speaks_against_is_not_the_whole_one():
     held, left = SimpleNamespace(found=(WAVE,), no_law=None, adequate=True), Along(0.6, 20.0, {"joint_1": 1.0})
-    assert _verdict(held, True, None, None) == "explained"
-    assert _verdict(held, True, None, left) == "partly_explained"
-    open_still = _unexplained("partly_explained", None, held, None, left)
+    assert verdict_of(held, True, None, None) == "explained"
+    assert verdict_of(held, True, None, left) == "partly_explained"
+    open_still = unexplained_of("partly_explained", None, held, None, left)
     assert (open_still.share, open_still.joints) == (0.6, {"joint_1": 1.0})
     assert "controller hides" in open_still.looks_like
 

@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
 from mbexport.core.database import FrozenMap, Tolerance, load, with_effects
+from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import (
     Noise,
@@ -22,7 +23,7 @@ from mbexport.core.diagnosis.noise import (
     tolerance_changes,
     tolerance_times,
 )
-from mbexport.core.diagnosis.resimulate import residuals, resimulated
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.effects import EffectRow
 from mbexport.core.recording import known_together
 

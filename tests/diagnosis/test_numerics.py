@@ -15,6 +15,7 @@ from mbexport.core.build import assembled
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import suspect as suspecting
+from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import Noise, noise_floor
@@ -28,7 +29,7 @@ from mbexport.core.diagnosis.numerics import (
     suspects,
 )
 from mbexport.core.diagnosis.prepare import creep_of, prepared
-from mbexport.core.diagnosis.resimulate import residuals, resimulated
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.diagnosis.stamps import _common, _Told, shift_of, shift_said, torque_shift_of, unshifted
 from mbexport.core.diagnosis.suspect import with_coarse_steps, with_held_command, with_steps
 from mbexport.core.effects import EffectRow

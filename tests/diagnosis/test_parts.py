@@ -8,11 +8,12 @@ from pendulums import pendulum_run, soft_run
 
 from mbexport.core.database import load
 from mbexport.core.diagnosis.blocks import Blocks
+from mbexport.core.diagnosis.compared import compared, residuals
 from mbexport.core.diagnosis.gap import gap_of
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.resimulate import compared, residuals, resimulated_once
+from mbexport.core.diagnosis.resimulate import resimulated_once
 from mbexport.core.diagnosis.unseen import in_parts
 from mbexport.core.effects import EffectRow
 

@@ -9,7 +9,7 @@ import pytest
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.diagnosis import refine
-from mbexport.core.diagnosis.diagnose import _finding
+from mbexport.core.diagnosis.findings import finding
 from mbexport.core.diagnosis.fit import blocks, spread
 from mbexport.core.diagnosis.found import Found, rows_of
 from mbexport.core.diagnosis.judge import Judge
@@ -160,7 +160,7 @@ def test_an_interval_ends_where_its_number_can():
     friction = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
     fit = refined(asked, whitening(asked), [friction], blocks(asked.evidence))
     hardly = replace(fit, covariance=1e8 * fit.covariance)
-    low, high = _finding(friction, "revolute", 50.0, hardly, ()).parameters["coefficient"].ci95
+    low, high = finding(friction, "revolute", 50.0, hardly, ()).parameters["coefficient"].ci95
     assert low == 0.0
     assert high > 0.5
 

@@ -15,19 +15,13 @@ from scipy.spatial.transform import Rotation
 from mbexport.core.build import build
 from mbexport.core.control import Control, default_pd
 from mbexport.core.database import FrozenMap, load
+from mbexport.core.diagnosis.beginning import start_of, window_edges
+from mbexport.core.diagnosis.compared import compared, residuals
 from mbexport.core.diagnosis.inverse import said
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import noise_floor
-from mbexport.core.diagnosis.prepare import creep_of
-from mbexport.core.diagnosis.resimulate import (
-    compared,
-    held_torque,
-    residuals,
-    resimulated,
-    smoothed,
-    start_of,
-    window_edges,
-)
+from mbexport.core.diagnosis.prepare import creep_of, smoothed
+from mbexport.core.diagnosis.resimulate import held_torque, resimulated
 from mbexport.core.effects import EffectRow
 from mbexport.core.errors import RefusedError, UsageError
 from mbexport.core.kinematics import dynamics, tool_in_base

@@ -10,10 +10,11 @@ import pytest
 from mbexport.core.build import assembled
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import resimulate
+from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.inverse import arms_along
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.prepare import prepared
-from mbexport.core.diagnosis.resimulate import free_arms, residuals, resimulated_once
+from mbexport.core.diagnosis.resimulate import free_arms, resimulated_once
 from mbexport.core.diagnosis.starting_side import LATER, nearest_start, places_at_rest, rows_until_taken_along
 from mbexport.core.effects import EffectRow
 from mbexport.core.simulation import MachineState

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis.diagnose import _unexplained, _verdict
 from mbexport.core.diagnosis.diagnosis import HowFar
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.found import Found
@@ -18,6 +17,7 @@ from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.unseen import splits
+from mbexport.core.diagnosis.verdict import unexplained_of, verdict_of
 from mbexport.core.diagnosis.warming import WARMS_SAID, with_warming
 from mbexport.core.effects import EffectRow
 
@@ -61,8 +61,8 @@ def test_friction_that_goes_with_a_runs_time_is_no_friction_that_stays(against, 
     )
     assert words is not None
     assert float(words[1]) == pytest.approx(100.0 * abs(part), abs=4.0)
-    assert (_verdict(held, True, None, None), _verdict(rest, True, None, None)) == ("explained", "partly_explained")
-    left = _unexplained("partly_explained", None, rest, None, None)
+    assert (verdict_of(held, True, None, None), verdict_of(rest, True, None, None)) == ("explained", "partly_explained")
+    left = unexplained_of("partly_explained", None, rest, None, None)
     assert (left.joints, left.looks_like) == ({"joint_1": 1.0}, rest.no_law.said)
 
 

@@ -9,9 +9,10 @@ import pytest
 from pendulums import pendulum_run
 
 from mbexport.core.database import load
+from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.model import robot_of
 from mbexport.core.diagnosis.noise import Noise, noise_floor
-from mbexport.core.diagnosis.resimulate import residuals, resimulated
+from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.diagnosis.where import explained_by, where
 
 DATABASE = load("pendulum")
