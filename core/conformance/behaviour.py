@@ -12,7 +12,7 @@ from ..control import Control, default_pd
 from ..errors import MbexportError, RefusedError
 from ..export import default_program
 from ..motion import MotionLaw
-from ..representation import Drive, Robot
+from ..representation import Drive, Robot, Slip
 from ..simulation import simulate
 from ..simulation.backend import Engine, MachineState, Program, Vector
 from ..simulation.backends import contract_fault
@@ -28,7 +28,7 @@ SPLIT = 1.0e-8
 
 def checks() -> Iterator[Check]:
     """Of this module."""
-    for check in (words, forgets, copies, alone, pieces, beyond_limits, not_finite, weightless, unstable):
+    for check in (words, forgets, bent, copies, alone, pieces, beyond_limits, not_finite, weightless, unstable):
         yield Check("behaviour", check.__name__, check, quick=True)
 
 
@@ -51,6 +51,29 @@ def forgets(subject: Subject) -> Refusals:
         _push(engine, 5)
         second = _run(engine, model)
     must(np.array_equal(first, second), f"the same run after a reset differs by {_apart(first, second)!r}.")
+    return ()
+
+
+def bent(subject: Subject) -> Refusals:
+    """A run that begins with hysteresis bent begins with its torque, and without where the state does not say so."""
+    slips = (Slip(400.0, 2.0), Slip(100.0, 3.0))
+    model = _with_drives(robot(ROBOT, "rigid"), lambda drive: replace(drive, slips=slips))
+    start = _start(model)
+    reach = np.array([slip.level / slip.stiffness for slip in slips])
+    # the first joint's wound up by half of what they bear, the second one's back by a quarter
+    fixed = np.concatenate([start.theta[0] - 0.5 * reach, start.theta[1] + 0.25 * reach])
+    try:
+        with subject.engine(model, _program(subject, model)) as engine:
+            engine.reset(replace(start, slips=fixed), None)
+            wound = engine.friction().copy()
+            engine.reset(start, None)
+            free = engine.friction().copy()
+    except RefusedError as error:
+        must("hysteresis" in str(error), f"it refuses hysteresis and does not name it: {error}")
+        return (str(error),)
+    must(_apart(free, np.zeros(model.n)) < SPLIT, f"a run that says nothing of it begins with {free.tolist()!r} N m.")
+    asked = np.array([2.5, -1.25])
+    must(_apart(wound, asked) < SPLIT, f"hysteresis bent by {asked.tolist()!r} N m begins with {wound.tolist()!r} N m.")
     return ()
 
 

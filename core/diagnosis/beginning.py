@@ -14,7 +14,7 @@ from ..recording import Run
 from ..representation import Robot
 from ..simulation import MachineState
 from ..simulation.settle import sagged
-from .prepare import smoothed
+from .prepare import Prepared, smoothed
 from .sensed import noise_in
 
 Vector = NDArray[np.float64]
@@ -93,6 +93,24 @@ def state_at(robot: Robot, reported: Vector, dtheta: Vector) -> MachineState:
     q = sagged(whole.robot, dynamics(whole.robot, always_compiled=True), theta)
     passive = np.array([stage.drive.passive for stage in whole.robot.stages])
     return MachineState(0.0, q, speed, np.where(passive, q, theta), speed.copy())
+
+
+def slips_at(robot: Robot, grid: Prepared, times: Vector) -> Vector | None:
+    """Where the slip elements of hysteresis are fixed at times of a measured motion, shape (k, s); None: it has none.
+
+    They are taken along where they slip, from a beginning with none of them bent.
+    """
+    slips = [(i, slip.level / slip.stiffness) for i, stage in enumerate(robot.stages) for slip in stage.drive.slips]
+    if not slips:
+        return None
+    joints, reach = [i for i, _ in slips], np.array([most for _, most in slips])
+    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
+    theta = (grid.q - offsets)[:, joints]
+    fixed = np.empty_like(theta)
+    fixed[0] = theta[0]
+    for k in range(1, len(theta)):
+        fixed[k] = np.clip(fixed[k - 1], theta[k] - reach, theta[k] + reach)
+    return fixed[np.clip(np.searchsorted(grid.t, times, side="right") - 1, 0, len(grid.t) - 1)]
 
 
 def window_edges(run: Run) -> list[float]:

@@ -20,7 +20,7 @@ from ..recording import Run
 from ..representation import Robot
 from ..simulation import Backend, MachineState, backend_named, simulate
 from ..simulation.step import choose_step, poses_of
-from .beginning import FEWEST, moving_at_first, start_of, state_at, window_edges
+from .beginning import FEWEST, moving_at_first, slips_at, start_of, state_at, window_edges
 from .compared import mode_of, residuals
 from .inverse import arms_along, said
 from .prepare import creep_of, filtered, smoothed
@@ -228,7 +228,8 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
     """Mode torque: every window begins as the smoothed measurement was, the first one at rest unless the run began in
     motion; a delayed torque is there from before.
 
-    Arms that give are bent by what they bear along the measured motion; what rings in them is not known.
+    Arms that give are bent by what they bear along the measured motion, and hysteresis as it left it; what rings in
+    them is not known.
     """
     ticks = run.control.rate * robot.delay
     rate = run.control.rate * (1 if abs(ticks - round(ticks)) < 1.0e-6 else FINER)
@@ -239,6 +240,7 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
     # motors' positions and speeds as windows begin, and those of arms that are bent
     there = (grid.q, grid.dq, *(arms_along(prompt, grid, prompt) if _gives(prompt) else ()))
     starts = [between(grid.t, values, np.array(edges)) for values in there]
+    slips = slips_at(prompt, grid, np.array(edges))
     pieces: list[dict[str, Vector]] = []
     for number, (begin, end) in enumerate(pairwise(edges)):
         last = number == len(edges) - 2
@@ -255,6 +257,8 @@ def _in_windows(robot: Robot, run: Run, backend: Backend | str, step: float | No
         elif rattles(prompt):
             # where in its clearance an arm was is told by how it was taken along
             start = replace(start, q=arms[0])
+        if slips is not None:
+            start = replace(start, slips=slips[number])
         trace = simulate(
             prompt,
             backend,

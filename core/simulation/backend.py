@@ -87,6 +87,7 @@ class MachineState:
         t: Time [s].
         q, dq: Arm side.
         theta, dtheta: Motor side; equal to q, dq at rigid joints.
+        slips: Where the slip elements of hysteresis are fixed, joint by joint, shape (s,); None: at theta, all unbent.
     """
 
     t: float
@@ -94,6 +95,7 @@ class MachineState:
     dq: Vector
     theta: Vector
     dtheta: Vector
+    slips: Vector | None = None
 
 
 class Engine(ABC):
@@ -143,7 +145,7 @@ class Engine(ABC):
 
     @abstractmethod
     def reset(self, state: MachineState, imposed: MotionLaw | None) -> None:
-        """Start from a state: friction and hysteresis at zero force, held torque zero.
+        """Start from a state: friction at zero force, hysteresis too but where the state has it bent; held torque zero.
 
         Args:
             state: Where everything is.

@@ -75,10 +75,12 @@ class Drives:
         return bool(self.table.stick_displacement.any()) or len(self.table.slip_level) > 0
 
     def reset(self, state: MachineState) -> None:
-        """Friction and hysteresis at zero force at this state."""
+        """Friction at zero force at this state, and hysteresis but where the state says how it is bent."""
         self.theta[:] = state.theta
         self.dtheta[:] = state.dtheta
         relax(self.memory)
+        if state.slips is not None:
+            self.slip_anchor[:] = state.slips
 
     def evaluate(self, t: float, q: Vector, dq: Vector, theta: Vector, dtheta: Vector, *, accept: bool = False) -> None:
         """Torques at a state, into the arrays of this object; `accept` where the integrator has accepted it."""

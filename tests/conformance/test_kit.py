@@ -135,6 +135,13 @@ class Keeping(PinocchioEngine):
         self.drives.stick_anchor[:] += before * 1e-6
 
 
+class Unbent(PinocchioEngine):
+    """Begins every run with hysteresis unbent."""
+
+    def reset(self, state, imposed):
+        super().reset(replace(state, slips=None), imposed)
+
+
 class Sharing(PinocchioEngine):
     """Every engine of the process moves under the torque of the last one that was asked."""
 
@@ -193,6 +200,7 @@ PLANTED = [
     ("statics-planar2r", Mute, "names no effect"),
     ("rigid_loop-planar2r", with_engine(Lagging), "rigid_loop"),
     ("behaviour-forgets", with_engine(Keeping), "after a reset"),
+    ("behaviour-bent", with_engine(Unbent), "begins with"),
     ("behaviour-alone", with_engine(Sharing), "beside another robot"),
     ("behaviour-copies", with_engine(Lending), "writes on the arrays"),
     ("behaviour-pieces", with_engine(Blunt), "s it is"),

@@ -235,6 +235,36 @@ def test_windows_of_torque_begin_with_arms_bent_by_what_they_bear():
     assert rms(left["q_link"]) < 3.0 * NOISE["q"]
 
 
+def test_windows_of_torque_begin_with_hysteresis_bent_as_the_motion_left_it():
+    """Against a pendulum with four springs that slip, which nothing of the package moves."""
+    torque, stiffness = 1.2, 40.0
+    parts = np.arange(1, 5)
+    pull, most = stiffness / 4.0, torque * parts / 10.0
+    ticks, h = np.arange(2001) / 1000.0, 1.0e-3 / 8.0
+    asked, rate, _ = command(ticks)
+    q = dq = 0.0
+    fixed, states, given = np.zeros(4), [], []
+    for k in range(len(ticks)):
+        states.append(q)
+        given.append(KP * (asked[k] - q) + KD * (rate[k] - dq))
+        for _ in range(8):
+            # semi-implicit midpoint, with what slips let go after each step
+            fixed = np.clip(fixed, q - most / pull, q + most / pull)
+            middle = q + 0.5 * h * dq
+            held = float(np.sum(np.clip(pull * (middle - fixed), -most, most)))
+            dq += h * (given[-1] - held - WEIGHT * math.sin(middle)) / INERTIA
+            q = middle + 0.5 * h * dq
+    held = np.array(given)[:, None]
+    noise = np.random.default_rng(5).normal(size=(2, *held.shape))
+    signals = {"q": np.array(states)[:, None] + NOISE["q"] * noise[0], "tau_cmd": held, "tau": held + 0.01 * noise[1]}
+    run = replace(pendulum_run("torque", rate=1000.0, duration=2.0), signals=signals)
+    row = EffectRow(1, FrozenMap({"torque": torque, "stiffness": stiffness, "slips": 4.0}))
+    rubbed = robot(run, hysteresis=[row])
+    for engine in ("mjcf", "exudyn", "pybullet", "urdf"):
+        left = residuals(run, resimulated(rubbed, robot(run), run, engine), rubbed)["q"]
+        assert rms(left) < 10.0 * NOISE["q"], engine
+
+
 def test_windows_of_torque_begin_with_arms_at_the_side_of_their_play_that_they_bear_on():
     """Where they are driven the other way than gravity pulls: it alone has them half of the time at the other side."""
     inertia, gap, stiffness, damping = 0.05, 0.01, 4.0e4, 20.0
