@@ -62,7 +62,7 @@ def _of_all_rows(run: Run, robot: Robot) -> dict[str, Vector]:
     """The same of all rows."""
     stuck = sticking(robot)
     if mode_of(run) == "motion":
-        turns = _loose(smoothed(run), run.t, TURN, stuck)
+        turns = near_turns(smoothed(run), run.t, TURN, stuck)
         return {
             name: np.where(turns, np.nan, run.signals[name]) if name in ("tau", "tau_link") else run.signals[name]
             for name in MEASURED
@@ -70,7 +70,7 @@ def _of_all_rows(run: Run, robot: Robot) -> dict[str, Vector]:
         }
     if mode_of(run) == "torque":
         # a window begins with friction's bristles unbent, and turns when its start's noise lets it
-        loose = _loose(smoothed(run), run.t, TURNED, stuck)
+        loose = near_turns(smoothed(run), run.t, TURNED, stuck)
         begun: Vector = np.array(window_edges(run))[:, None] - ON_CLOCK
         loose |= np.any((run.t >= begun) & (run.t < begun + TURNED), axis=0)[:, None]
         lost = _beyond_command(run)[:, None]
@@ -87,7 +87,7 @@ def _of_all_rows(run: Run, robot: Robot) -> dict[str, Vector]:
     known = settled(grid)
     inside = (run.t >= grid.t[known][0]) & (run.t <= grid.t[known][-1])
     none = np.zeros(run.signals["q"].shape, dtype=bool)
-    loose = none if run.locked else _loose(grid, run.t, 0.5 / grid.band, stuck)
+    loose = none if run.locked else near_turns(grid, run.t, 0.5 / grid.band, stuck)
     moved = grid.bridged("q").any(axis=1, keepdims=True)
     for name in ("tau", "tau_link"):
         if run.has(name):
@@ -128,8 +128,8 @@ def _beyond_command(run: Run) -> NDArray[np.bool_]:
     return lost
 
 
-def _loose(grid: Prepared, times: Vector, reach: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Where joints (nearly) stand, so that friction is between its levels and no motion tells it, shape (k, n).
+def near_turns(grid: Prepared, times: Vector, reach: float, stuck: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where joints turn or (nearly) stand: friction is between its levels and no motion tells it, shape (k, n).
 
     A joint that stands most of the time still shows its load, unless its friction may bear any of it.
 

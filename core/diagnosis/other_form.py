@@ -7,8 +7,9 @@ from .gap import SHOWS_IN_BAND
 from .held import HELPS, LITTLE, MOST_LEFT, Held
 from .judge import Judge
 from .refine import PLAY
+from .turning import turning
 from .unseen import OTHER_FORM, Along, Bent, along, bent, of_other_widths
-from .words import BOUNCES_SAID
+from .words import BOUNCES_SAID, TURNS_SAID
 
 # part of the gap that may be another form of a law whose cause is known; a gear's error that comes twice as often as
 # well may leave more, as inertia takes it by the square of how often it comes
@@ -24,7 +25,7 @@ def other_form(judge: Judge, held: Held) -> Bent | None:
     """
     if not held.found or held.explains:
         return None
-    return _form_of(judge, held) or _bouncing(judge, held)
+    return _form_of(judge, held) or _bouncing(judge, held) or _turning(judge, held)
 
 
 def _form_of(judge: Judge, held: Held) -> Bent | None:
@@ -55,6 +56,17 @@ def _bouncing(judge: Judge, held: Held) -> Bent | None:
     if bounced is None or not bounced.says_all or held.open * bounced.leaves >= OTHER_FORM:
         return None
     return Bent(bounced.leaves, place, BOUNCES_SAID)
+
+
+def _turning(judge: Judge, held: Held) -> Bent | None:
+    """Dry friction that turns in another way, where that is all that is left and the measured motion is at peace."""
+    if held.adequate or judge.by_bands or held.open > MOST_BENT:
+        return None
+    turned = turning(judge.runs, held.overlays, held.found)
+    if turned is None or held.open * turned.leaves >= OTHER_FORM:
+        return None
+    motion = along(judge.whole, judge.whiten, held.found, judge.ways)
+    return Bent(turned.leaves, turned.place, TURNS_SAID) if motion.share < OTHER_FORM else None
 
 
 def contradicted(judge: Judge, held: Held) -> Along | None:

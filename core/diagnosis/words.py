@@ -10,6 +10,7 @@ from .diagnosis import Diagnosis, Finding, Parameter, Rival
 
 # of play, what is left of whose gap nothing could say
 BOUNCES_SAID = "lets its arm bounce, each time another way"
+TURNS_SAID = "builds up in another way as its joint turns"
 SIGNALS = {
     "tau": "motor torque",
     "tau_link": "torque behind the gear",

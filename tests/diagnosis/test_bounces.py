@@ -116,7 +116,7 @@ def test_a_gap_that_play_makes_smaller_is_explained_where_the_rest_bounces(judge
     monkeypatch.setattr(Judge, "bounces", lambda *_: bounced)
     monkeypatch.setattr(other_form, "_form_of", lambda *_: None)
     held = SimpleNamespace(
-        found=(play_of(GAP),), explains=False, adequate=False, by=by, open=(1.0 - by) ** 2, unseen=None
+        found=(play_of(GAP),), explains=False, adequate=False, by=by, open=(1.0 - by) ** 2, unseen=None, overlays=()
     )
     form = other_form.other_form(judge, held)
     assert (form.said if form else None) == said

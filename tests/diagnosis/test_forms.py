@@ -190,7 +190,9 @@ def told_of(against, item):
     unseen = SimpleNamespace(rows=rows_of(judge, item), beyond=1.0)
 
     def said(share, adequate=False):
-        held = SimpleNamespace(found=(item,), open=share, no_law=None, adequate=adequate, explains=False, unseen=unseen)
+        held = SimpleNamespace(
+            found=(item,), open=share, no_law=None, adequate=adequate, explains=False, unseen=unseen, overlays=()
+        )
         return other_form(judge, held)
 
     return said
