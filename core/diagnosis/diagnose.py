@@ -31,7 +31,6 @@ from .held import HELPS, Held
 from .in_simulation import closed_in_simulation, late_in_simulation
 from .judge import Judge
 from .model import Rows, level_rows, robot_of
-from .moments import with_moments
 from .noise import noise_floor
 from .nuisances import SPEED_IS_LATE, whitening
 from .numerics import late_beside
@@ -48,6 +47,7 @@ from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE
 from .unconfirmed import UNDERSTOOD, Unconfirmed, leaves_most, nowhere_else, unconfirmed
+from .unfitted import with_geometry, with_moments
 from .unresolved import resolved
 from .unseen import in_parts, splits
 from .verdict import Asked, concluded
@@ -363,6 +363,8 @@ class _Diagnosing:
                 break
             held = judge.without_untold(held, out)
             fit, names = self._names(state, held.found)
+        if fit is not None:
+            fit = with_geometry(state.problem, state.whiten, fit, blocks(state.problem.evidence))
         return held, fit, names
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:

@@ -57,7 +57,7 @@ class Plain:
             if effect == "joint_spring" and name == "rest":
                 deviations[k] = rests(problem, at)
             elif effect == "kinematic_error":
-                deviations[k] = STRAY * length if name in ("a", "d") else STRAY
+                deviations[k] = stray(problem, name)
             elif effect == "payload" and name in ("x", "y", "z"):
                 deviations[k] = length
         arms: dict[int, dict[str, int]] = {}
@@ -95,6 +95,11 @@ class Plain:
                 moments[number] = values[k]
             parts.append(_hollow(moments) / HOLLOW)
         return np.concatenate(parts)
+
+
+def stray(problem: Problem, name: str) -> float:
+    """One standard deviation of an error of an arm's geometry [rad or m]."""
+    return STRAY * PART_OF_REACH * _reach(problem) if name in ("a", "d") else STRAY
 
 
 def rests(problem: Problem, at: int) -> float:

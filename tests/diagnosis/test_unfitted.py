@@ -1,4 +1,4 @@
-"""A load that was found as a point is a body: what its moments of inertia say, its mass has said for them."""
+"""What numbers that a fit left out of a body, or of an arm that is off, would have said the others said for them."""
 
 import math
 from dataclasses import replace
@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from mbexport.core.database import load
-from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.fit import Part, blocks
 from mbexport.core.diagnosis.found import Found
-from mbexport.core.diagnosis.moments import with_moments
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import problem
-from mbexport.core.diagnosis.refine import refined
+from mbexport.core.diagnosis.refine import Refined, refined
+from mbexport.core.diagnosis.unfitted import with_geometry, with_moments
 from mbexport.core.effects import EffectRow, effect_named
 
 from .pendulums import INERTIA, pendulum_run
@@ -67,3 +67,29 @@ def test_what_is_no_body_has_no_moments():
     fit = refined(asked, whiten, found, blocks(asked.evidence))
     same = with_moments(asked, whiten, fit, blocks(asked.evidence))
     np.testing.assert_array_equal(same.covariance, fit.covariance)
+
+
+@pytest.mark.parametrize(
+    ("alike", "seen", "wide"), [(1.0, 0.0, 1.0), (0.5, 0.0, 0.5), (1.0, 30.0, 1.0 / 30.0), (0.0, 30.0, 0.0)]
+)
+def test_an_interval_knows_of_geometry_that_may_be_off_as_well(monkeypatch, alike, seen, wide):
+    """As far as another angle says the same, and no farther than what else it says lets it be there."""
+    found, per = 0.02, 1.0 / 0.0001
+    random = np.random.default_rng(7)
+    same, other = np.linalg.qr(random.normal(size=(400, 2)))[0].T
+
+    def left_with(_problem, _whiten, rows):
+        values = rows["kinematic_error"][0].values
+        # of the other angle as much as was found is seen so many standard deviations
+        return (values["theta"] - found + alike * values["beta"]) * per * same + seen * values["beta"] / found * other
+
+    monkeypatch.setattr("mbexport.core.diagnosis.unfitted.left_with", left_with)
+    asked = problem(load("pendulum"), "rigid", [pendulum_run()])
+    row = EffectRow(1, dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0) | {"theta": found})
+    fit = Refined(
+        {("kinematic_error", 1): row}, np.zeros(400), (("kinematic_error", 1, "theta"),), np.array([[1e-8]]),
+        per * same[:, None], (True,),
+    )  # fmt: skip
+    wider = with_geometry(asked, None, fit, [Part(0, 400, 0, 400)])
+    assert math.sqrt(wider.covariance[0, 0] - 1e-8) == pytest.approx(wide * found, rel=0.01, abs=1e-12)
+    assert with_moments(asked, None, fit, [Part(0, 400, 0, 400)]).covariance == fit.covariance
