@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..control import Control
 from ..recording import Run
 from .diagnosis import Unexplained, Verdict
 from .fit import blocks
@@ -22,7 +23,7 @@ from .stamps import TORQUES
 from .state import BEYOND_DOUBT
 from .unconfirmed import named_as, nearly_alone
 from .unseen import OTHER_FORM, Along, Bent
-from .words import cause_in_words, percent, variable_in_words
+from .words import cause_in_words, percent, place_in_words, quantity, variable_in_words
 
 NO_PHYSICS = (
     "Simulated under its controller the robot leaves more than noise, but along the measured motion nothing is left: "
@@ -57,6 +58,12 @@ NEAREST_HELPS_NOT = (
     "engine has that law, and the {nearest} that the corrected model has in its place makes the simulation no better: "
     "the cause is found, and the corrected model is not."
 )
+LAGS = (
+    "A drive at {joint} whose torque follows its command with a lag of {late} shows nearly the same as a damping gain "
+    "below the logged one, and is in no catalogue: ask how fast its current loop is before the gain is blamed."
+)
+# part of what a damping gain lacks by which the other gain may be off, where a lag is all that it need be
+AS_LOGGED = 0.3
 # of each law beyond the catalogue's, the one that engines have
 NEAREST = {
     STIFFENS_SAID: "straight spring",
@@ -133,7 +140,8 @@ def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) ->
         notes.append(CONTRADICTED.format(part=percent(against.share)))
     if form and held.unseen.numbers_beyond[form.place] and form.said in NEAREST and held.by <= HELPS:
         notes.append(_nearest_helps_not(held, form))
-    notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside_names(held.found)]
+    outside = outside_names(held.found, judge.runs[0].control)
+    notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside]
     left = unexplained_of(verdict, held.after or asked.gap, held, form, against)
     return Conclusion(verdict, left, tuple(notes), unseen)
 
@@ -191,9 +199,18 @@ def unexplained_of(verdict: Verdict, after: Gap, held: Held, form: Bent | None, 
     return Unexplained(held.open, joints, looks or "nothing that one variable explains")
 
 
-def outside_names(found: Sequence[Found]) -> list[str]:
-    """What else findings may be that is in no catalogue."""
-    return [RINGS] if any(item.effect == BEARING for item in found) else []
+def outside_names(found: Sequence[Found], control: Control) -> list[str]:
+    """What else findings may be that is in no catalogue, under the controller of the runs."""
+    notes = [RINGS] if any(item.effect == BEARING for item in found) else []
+    for item in found:
+        if item.effect == "controller_gain" and control.mode == "pd":
+            kp, kd = item.row.values["kp"], item.row.values["kd"]
+            logged = control.kp[item.at - 1], control.kd[item.at - 1]
+            # a torque that is late by T is kp (e - T e') + kd e' to first order
+            late = (1.0 - kd) * logged[1] / (kp * logged[0]) if kp * logged[0] > 0.0 else 0.0
+            if late > 0.0 and abs(kp - 1.0) < AS_LOGGED * (1.0 - kd):
+                notes.append(LAGS.format(joint=place_in_words(item.place), late=quantity(late, "s")))
+    return notes
 
 
 def unheld(found: Sequence[Found], held: Held) -> list[Found]:
