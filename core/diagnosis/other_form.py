@@ -62,7 +62,7 @@ def _turning(judge: Judge, held: Held) -> Bent | None:
     """Dry friction that turns in another way, where that is all that is left and the measured motion is at peace."""
     if held.adequate or judge.by_bands or held.open > MOST_BENT:
         return None
-    turned = turning(judge.runs, held.overlays, held.found)
+    turned = turning([judge.runs[k] for way in judge.ways for k in way.unseen], held.overlays, held.found)
     if turned is None or held.open * turned.leaves >= OTHER_FORM:
         return None
     motion = along(judge.whole, judge.whiten, held.found, judge.ways)

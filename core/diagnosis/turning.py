@@ -45,19 +45,19 @@ def turning(runs: Sequence[Run], overlays: Sequence[Overlay], found: Sequence[Fo
     """How much of what is left on runs under a known controller is not near turns; None where that tells nothing.
 
     Args:
-        runs: That were judged, and others.
-        overlays: Measured and simulated with what was found.
+        runs: That were judged.
+        overlays: Of each, measured and simulated with what was found.
         found: Findings.
     """
     dry = [k for k, item in enumerate(found) if item.effect in DRY]
     joints = sorted({found[k].at - 1 for k in dry})
-    named = {run.name: run for run in runs}
+    if not joints or not overlays:
+        return None
     near, far = 0.0, 0.0
     close: list[Mask] = []
-    for overlay in overlays:
-        run = named[overlay.run]
-        gains = [(run.control.kd[i], run.control.kp[i]) for i in joints] if run.control.mode == "pd" else []
-        if not gains or not all(kp > 0.0 for _, kp in gains):
+    for run, overlay in zip(runs, overlays, strict=True):
+        gains = [(run.control.kd[i], run.control.kp[i]) for i in joints] if run.control.mode == "pd" else [(0.0, 0.0)]
+        if not all(kp > 0.0 for _, kp in gains):
             return None
         grid = smoothed(run)
         reach = FADED * max(kd / kp for kd, kp in gains)
@@ -68,7 +68,7 @@ def turning(runs: Sequence[Run], overlays: Sequence[Overlay], found: Sequence[Fo
                 over = np.square((overlay.measured[name] - simulated) / overlay.noise[name]) - 1.0
                 near += float(np.nansum(over[turns]))
                 far += float(np.nansum(over[~turns]))
-    if not dry or not near > 0.0 or float(np.mean(np.concatenate(close))) > MOST_NEAR:
+    if not near > 0.0 or float(np.mean(np.concatenate(close))) > MOST_NEAR:
         return None
     far = max(far, 0.0)
     return Turning(dry[0], far / (near + far))

@@ -105,26 +105,26 @@ def test_what_dry_friction_leaves_at_its_turns_is_another_form_of_it():
     judge, held = judged(bristles(3))
     left = (held.overlays[0].measured["tau"] - held.overlays[0].after["tau"]) / NOISE["tau"]
     assert np.sqrt(np.mean(left**2)) > 3.0
-    assert turning(judge.runs, held.overlays, held.found).leaves < 0.3
+    assert turning(judge.runs[1:], held.overlays, held.found).leaves < 0.3
     form = other_form(judge, held)
     assert (form.place, form.said) == (0, TURNS_SAID)
     # neither where that is most of the gap, nor of what does not turn
     held.open = 0.3
     assert other_form(judge, held) is None
     damps = Found("viscous_friction", 1, EffectRow(1, FrozenMap({"coefficient": 0.1})), 500.0)
-    assert turning(judge.runs, held.overlays, (damps,)) is None
+    assert turning(judge.runs[1:], held.overlays, (damps,)) is None
 
 
 def test_what_is_left_between_turns_too_is_another_cause():
     judge, held = judged(bristles(3, also=lambda t: 0.5 * math.sin(31.0 * t)))
-    assert turning(judge.runs, held.overlays, held.found).leaves > 0.4
+    assert turning(judge.runs[1:], held.overlays, held.found).leaves > 0.4
     assert other_form(judge, held) is None
 
 
 def test_a_controller_that_nobody_knows_tells_nothing_of_turns():
     judge, held = judged(bristles(3))
-    silent = [replace(run, control=Control("unknown")) for run in judge.runs]
+    silent = [replace(run, control=Control("unknown")) for run in judge.runs[1:]]
     assert turning(silent, held.overlays, held.found) is None
     # nor does one so soft that the blow of a turn is still felt at the next
-    soft = [replace(run, control=Control("pd", (KP,), (50.0 * KD,))) for run in judge.runs]
+    soft = [replace(run, control=Control("pd", (KP,), (50.0 * KD,))) for run in judge.runs[1:]]
     assert turning(soft, held.overlays, held.found) is None
