@@ -42,7 +42,7 @@ def command(backends: str, edges: int | None, output: Path, force: bool, as_json
         for statement in answers:
             click.echo(f"{statement.verdict:<20}{statement.where}: {statement.says}")
             click.echo(f"{'':<20}{statement.ours}")
-        click.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+        click.echo(", ".join(f"{verdict}: {count}" for verdict, count in counts.items()))
         click.echo(f"{output / PAGE_FILE} ({time.perf_counter() - began:.0f} s)")
     if counts["not reproduced"]:
         sys.exit(1)
