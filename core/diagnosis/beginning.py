@@ -13,6 +13,8 @@ from ..kinematics import dynamics
 from ..recording import Run
 from ..representation import Robot
 from ..simulation import MachineState
+from ..simulation.drive_sheet import DriveSheet
+from ..simulation.drives import Drives
 from ..simulation.settle import sagged
 from .prepare import Prepared, smoothed
 from .sensed import noise_in
@@ -100,16 +102,15 @@ def slips_at(robot: Robot, grid: Prepared, times: Vector) -> Vector | None:
 
     They are taken along where they slip, from a beginning with none of them bent.
     """
-    slips = [(i, slip.level / slip.stiffness) for i, stage in enumerate(robot.stages) for slip in stage.drive.slips]
-    if not slips:
+    if not any(stage.drive.slips for stage in robot.stages):
         return None
-    joints, reach = [i for i, _ in slips], np.array([most for _, most in slips])
-    offsets = np.array([stage.sensor.position_offset for stage in robot.stages])
-    theta = (grid.q - offsets)[:, joints]
-    fixed = np.empty_like(theta)
-    fixed[0] = theta[0]
-    for k in range(1, len(theta)):
-        fixed[k] = np.clip(fixed[k - 1], theta[k] - reach, theta[k] + reach)
+    drives = Drives(DriveSheet.of(robot))
+    theta = grid.q - np.array([stage.sensor.position_offset for stage in robot.stages])
+    drives.reset(MachineState(0.0, theta[0], grid.dq[0], theta[0], grid.dq[0]))
+    fixed = np.empty((len(theta), len(drives.slip_anchor)))
+    for k, t in enumerate(grid.t.tolist()):
+        drives.evaluate(t, theta[k], grid.dq[k], theta[k], grid.dq[k], accept=True)
+        fixed[k] = drives.slip_anchor
     return fixed[np.clip(np.searchsorted(grid.t, times, side="right") - 1, 0, len(grid.t) - 1)]
 
 

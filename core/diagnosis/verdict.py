@@ -140,7 +140,7 @@ def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) ->
         notes.append(CONTRADICTED.format(part=percent(against.share)))
     if form and held.unseen.numbers_beyond[form.place] and form.said in NEAREST and held.by <= HELPS:
         notes.append(_nearest_helps_not(held, form))
-    outside = outside_names(held.found, judge.runs[0].control)
+    outside = outside_names(held.found, [run.control for run in judge.runs])
     notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside]
     left = unexplained_of(verdict, held.after or asked.gap, held, form, against)
     return Conclusion(verdict, left, tuple(notes), unseen)
@@ -199,11 +199,14 @@ def unexplained_of(verdict: Verdict, after: Gap, held: Held, form: Bent | None, 
     return Unexplained(held.open, joints, looks or "nothing that one variable explains")
 
 
-def outside_names(found: Sequence[Found], control: Control) -> list[str]:
-    """What else findings may be that is in no catalogue, under the controller of the runs."""
+def outside_names(found: Sequence[Found], controls: Sequence[Control]) -> list[str]:
+    """What else findings may be that is in no catalogue, under the controllers of the runs."""
+    control = controls[0]
+    # of other gains a lag makes other factors
+    alike = control.mode == "pd" and all(one == control for one in controls)
     notes = [RINGS] if any(item.effect == BEARING for item in found) else []
     for item in found:
-        if item.effect == "controller_gain" and control.mode == "pd":
+        if item.effect == "controller_gain" and alike:
             kp, kd = item.row.values["kp"], item.row.values["kd"]
             logged = control.kp[item.at - 1], control.kd[item.at - 1]
             # a torque that is late by T is kp (e - T e') + kd e' to first order

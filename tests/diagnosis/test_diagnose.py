@@ -340,8 +340,8 @@ def test_what_a_law_of_another_form_leaves_is_told_and_not_open():
 def test_what_rings_outside_the_catalogue_is_told_beside_a_bearing():
     """A mount under the base and a load that sloshes look like one."""
     bearing, friction = (Found(name, 1, EffectRow(1, {}), 50.0) for name in ("joint_compliance_6d", "viscous_friction"))
-    assert any("sloshes" in note for note in outside_names([friction, bearing], Control("motion")))
-    assert outside_names([friction], Control("motion")) == []
+    assert any("sloshes" in note for note in outside_names([friction, bearing], [Control("motion")]))
+    assert outside_names([friction], [Control("motion")]) == []
 
 
 def test_a_drive_that_lags_is_told_beside_a_damping_gain_that_is_less_than_logged():
@@ -351,14 +351,15 @@ def test_a_drive_that_lags_is_told_beside_a_damping_gain_that_is_less_than_logge
     kp, kd = response.real / logged[0], response.imag / slow / logged[1]
     control = Control("pd", (50.0, logged[0]), (5.0, logged[1]))
 
-    def said(kp, kd, control=control):
+    def said(kp, kd, *controls):
         gain = Found("controller_gain", 2, EffectRow(2, {"kp": kp, "kd": kd}), 50.0)
-        return outside_names([gain], control)
+        return outside_names([gain], controls or [control])
 
     (note,) = said(kp, kd)
     assert "at joint 2" in note and "a lag of 7.50 ms" in note
-    # what a lag does not: more damping, the other gain off as well, nothing of a controller known
+    # what a lag does not: more damping, the other gain off as well, nothing of a controller known, other gains
     assert said(1.0, 1.1) == said(0.8, kd) == said(kp, kd, Control("unknown")) == []
+    assert said(kp, kd, control, Control("pd", (50.0, 900.0), (5.0, 101.2))) == []
 
 
 def far(total, without, sure):
