@@ -164,10 +164,17 @@ def stretch_of(robot: Robot, run: Prepared, nominal: Robot, effect: str, at: int
 
 
 def _slow(values: Vector, run: Prepared) -> Vector:
-    """Without the upper part of what is compared, where a change is that of noise."""
+    """Without the upper part of what is compared, where a change is that of noise.
+
+    At either end, where the smoothing does not hold and nothing is compared, a change is wild and left out: what is
+    slower would carry it far into the run.
+    """
     signal: Any = import_module("scipy.signal")
 
-    return np.asarray(signal.sosfiltfilt(lowpass(2, SLOW * run.band, 1.0 / run.h), values, axis=0))
+    slow = values.copy()
+    inner = slice(run.edge, len(values) - run.edge)
+    slow[inner] = signal.sosfiltfilt(lowpass(2, SLOW * run.band, 1.0 / run.h), values[inner], axis=0)
+    return slow
 
 
 @dataclass(frozen=True, slots=True, eq=False)

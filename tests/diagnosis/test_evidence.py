@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, command, pendulum_run, soft_run, standing_run
+from pendulums import INERTIA, KD, KP, WEIGHT, command, pendulum_run, soft_run, standing_run
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.build import build
@@ -53,30 +53,60 @@ def test_a_run_that_ends_in_motion_is_no_gap_of_the_model(monkeypatch):
     assert max(left_by_nothing([run])) > 3.0
 
 
-def test_a_delay_is_found_to_a_part_of_a_tick():
-    late = 0.0044
+def late_by(late):
+    """What takes the torque away that is held now and gives the one of a while ago [s] instead, and what it has kept.
+
+    Returns:
+        The torque against the motion, and its memory, to be cleared before each run.
+    """
     past: dict[int, float] = {}
 
-    def late_torque(t, q, dq):
-        """What takes the torque away that is held now and gives the one of a while ago instead."""
+    def against(t, q, dq):
         tick = int(t * 1000.0 + 1.0e-6)
         asked = command(tick / 1000.0)
         past.setdefault(tick, KP * (float(asked[0]) - q) + KD * (float(asked[1]) - dq))
         before = past.get(int(np.floor((t - late) * 1000.0 + 1.0e-6)), past[0])
         return past[tick] - before
 
+    return against, past
+
+
+def without_torque(run):
+    """A late drive's run without the torque of its record, which is the controller's and not what acted."""
+    return replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"})
+
+
+def test_a_delay_is_found_to_a_part_of_a_tick():
+    late = 0.0044
+    against, past = late_by(late)
     runs: list = []
     for seed in (1, 2):
         past.clear()
-        run = pendulum_run(against=late_torque, seed=seed)
-        # its torque is the controller's, not what acted
-        runs.append(replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"}))
+        runs.append(without_torque(pendulum_run(against=against, seed=seed)))
     asked = problem(DATABASE, "rigid", runs)
     state = Search(asked, whitening(asked))
     state.begin()
     found = search(state).found
     assert [item.effect for item in found] == ["delay"]
     assert found[0].row.values["time"] == pytest.approx(late, abs=6e-4)
+
+
+def test_what_a_part_of_a_tick_makes_late_is_known_to_the_end_of_a_run():
+    """The smoothing's ends, where nothing is compared, were carried into the run by the slower filter of a delay."""
+    late, tick = 0.0003, 0.001
+    recorded = pendulum_run(duration=3.8)
+    assert abs(float(command(3.8)[1])) > 0.5
+    q, dq, ddq = command(recorded.t)
+    run = prepare.prepared(replace(recorded, signals={**recorded.signals, "q": q[:, None]}))
+    robot = robot_of(DATABASE, "rigid", run.run)
+    prompt, delayed = (
+        said(one, run, nominal=robot, creep=creep_of(run)).tau[:, 0] for one in (robot, replace(robot, delay=late))
+    )
+    # the pendulum's torque by its own equation of motion, and how it changes
+    rate = np.interp(run.t, recorded.t, np.gradient(INERTIA * ddq, recorded.t) + WEIGHT * np.cos(q) * dq)
+    left = (delayed - prompt + (tick - late) * rate)[run.edge : -run.edge]
+    # 1.6 times all of it at the end, where the smoothing is not left out
+    assert np.abs(left).max() < 0.15 * (tick - late) * np.abs(rate).max()
 
 
 def test_a_feedforward_that_jumps_at_every_row_is_no_gap_of_the_model(tmp_path):
