@@ -246,8 +246,7 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
             continue
         whole, hole = _on(fine, run, values)
         # friction of a clamped motor that turns back is left out sample by sample: smoothing would spread its steps
-        sharp = name == "tau_cmd" or (name == "tau" and bool(run.locked))
-        smooth = whole if sharp else np.asarray(signal.sosfiltfilt(sos, whole, axis=0))
+        smooth = whole if name == "tau" and run.locked else np.asarray(signal.sosfiltfilt(sos, whole, axis=0))
         if name == "q" and imposed:
             motion = _as_told(run, t)
         elif name == "q":

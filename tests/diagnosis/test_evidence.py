@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, WEIGHT, command, pendulum_run, soft_run, standing_run
+from pendulums import INERTIA, KD, KP, WEIGHT, command, noisy_loop, pendulum_run, soft_run, standing_run
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.build import build
@@ -107,6 +107,16 @@ def test_what_a_part_of_a_tick_makes_late_is_known_to_the_end_of_a_run():
     left = (delayed - prompt + (tick - late) * rate)[run.edge : -run.edge]
     # 1.6 times all of it at the end, where the smoothing is not left out
     assert np.abs(left).max() < 0.15 * (tick - late) * np.abs(rate).max()
+
+
+def test_a_commanded_torque_that_is_noisy_is_no_gap_of_the_model():
+    """Left as it was at the rows that are compared, what it has far above the motion's band came down into it."""
+    loud = noisy_loop({"q": 2.0e-5, "dq": 5.0e-3, "tau": 0.0}, slope=0.0)
+    signals = {"q": loud.signals["q"], "tau_cmd": loud.signals["tau"]}
+    run = replace(loud, signals=signals, noise={"q": loud.noise["q"]}, control=Control("torque"))
+    assert np.std(np.diff(signals["tau_cmd"], axis=0)) > 0.02
+    # 11 of it
+    assert max(left_by_nothing([run])) < 1.5
 
 
 def test_a_feedforward_that_jumps_at_every_row_is_no_gap_of_the_model(tmp_path):
