@@ -149,6 +149,21 @@ class _Ask:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Answer:
+    """What an ask comes to.
+
+    Attributes:
+        diagnosis: The answer.
+        again: Why some runs should be cut and all fitted, or what that did not confirm.
+        understood: What is left is little enough for a name that no run of its own confirms.
+    """
+
+    diagnosis: Diagnosis
+    again: Unconfirmed | None
+    understood: bool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Diagnosing:
     """What stays the same through a diagnosis."""
 
@@ -164,30 +179,32 @@ class _Diagnosing:
 
     def of(self, runs: Sequence[Run], holdout: Sequence[Run]) -> Diagnosis:
         """The answer; of runs in parts where these alone show the gap, or what the fitted ones show fails."""
-        answer, again = self._of(_Ask(runs, holdout))
+        asked = self._of(_Ask(runs, holdout))
+        answer, again = asked.diagnosis, asked.again
         if again is None:
             return answer
-        apart, still = self._of(_Ask([*runs, *holdout], (), again.cut))
-        if not apart.which or (apart.verdict != "explained" and apart.unexplained.share > UNDERSTOOD):
+        parts = self._of(_Ask([*runs, *holdout], (), again.cut))
+        apart, still = parts.diagnosis, parts.again
+        if not apart.which or not parts.understood:
             return replace(answer, notes=(*answer.notes, still.why)) if still else answer
         names = tuple(run.name for run in (*runs, *holdout))
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, again.said))
 
-    def _of(self, ask: _Ask) -> tuple[Diagnosis, Unconfirmed | None]:
-        """The answer, and why some runs should be cut and all fitted, or what that did not confirm."""
+    def _of(self, ask: _Ask) -> _Answer:
+        """The answer, with numerics put right or beside effects."""
         given = [resolved(run) for run in known_together([*ask.runs, *ask.holdout])]
         given = [ask.beside.change(run) for run in given] if ask.beside else given
         righted = self._righting.righted(given)
         if righted.instead:
             # what makes more than half of a gap need not be its cause, where an effect makes all of it
-            answer, again = self._answered(ask, given, righted.instead)
-            left = (1.0 - (answer.how_far.shrinks_by or 0.0)) ** 2
-            if answer.verdict == "explained" and left < CLEARLY_LESS * righted.left:
-                return answer, again
+            instead = self._answered(ask, given, righted.instead)
+            left = (1.0 - (instead.diagnosis.how_far.shrinks_by or 0.0)) ** 2
+            if instead.diagnosis.verdict == "explained" and left < CLEARLY_LESS * righted.left:
+                return instead
         return self._answered(ask, given, righted)
 
-    def _answered(self, ask: _Ask, given: Sequence[Run], righted: Righted) -> tuple[Diagnosis, Unconfirmed | None]:
-        """The answer to what is asked of runs that are put right, and why it should be asked of parts of them.
+    def _answered(self, ask: _Ask, given: Sequence[Run], righted: Righted) -> _Answer:
+        """The answer to what is asked of runs that are put right.
 
         Args:
             ask: What is asked.
@@ -262,7 +279,7 @@ class _Diagnosing:
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(overlay.drawable(since[overlay.run]) for overlay in held.overlays),
         )
-        return answer, again
+        return _Answer(answer, again, end.verdict == "explained" or end.not_understood <= UNDERSTOOD)
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Judge, Held]:
         """The search gone on to its end, what judged it, and what of its findings holds."""

@@ -108,12 +108,15 @@ class Conclusion:
         unexplained: What is left.
         notes: Why, in sentences.
         unseen: What is left stands in the held-out runs alone, or the whole gap does.
+        not_understood: Part of the gap's energy that is left; where it is told which form a law has that no engine has,
+            what that one leaves along the motion of runs that no fit saw.
     """
 
     verdict: Verdict
     unexplained: Unexplained
     notes: tuple[str, ...]
     unseen: bool
+    not_understood: float
 
 
 def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) -> Conclusion:
@@ -143,7 +146,7 @@ def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) ->
     outside = outside_names(held.found, [run.control for run in judge.runs])
     notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside]
     left = unexplained_of(verdict, held.after or asked.gap, held, form, against)
-    return Conclusion(verdict, left, tuple(notes), unseen)
+    return Conclusion(verdict, left, tuple(notes), unseen, held.unseen.open * form.leaves if form else left.share)
 
 
 def _gap_shown(asked: Asked, judge: Judge, held: Held) -> tuple[bool, list[str]]:

@@ -12,10 +12,11 @@ import pytest
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis import diagnose, unconfirmed
+from mbexport.core.diagnosis import diagnose, unconfirmed, verdict
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
 from mbexport.core.diagnosis.findings import largest_first
 from mbexport.core.diagnosis.fit import blocks
+from mbexport.core.diagnosis.forms import SOFTLY_SAID
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.gap import Gap
 from mbexport.core.diagnosis.growing import without_growing
@@ -27,7 +28,7 @@ from mbexport.core.diagnosis.other_form import contradicted
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.state import Search, contenders
-from mbexport.core.diagnosis.unseen import LEAD, Split, Unseen, in_parts, splits
+from mbexport.core.diagnosis.unseen import LEAD, Bent, Split, Unseen, in_parts, splits
 from mbexport.core.diagnosis.verdict import outside_names, unheld, verdict_of
 from mbexport.core.diagnosis.words import NEXT_TO_NOTHING
 from mbexport.core.effects import EffectRow
@@ -103,30 +104,51 @@ def test_what_the_fitted_run_does_not_show_is_found_in_parts_of_the_held_out_one
     assert any("cut in time and all runs were fitted" in note for note in answer.notes)
 
 
-@pytest.mark.parametrize("another_form", [False, True])
-def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypatch, another_form):
+@pytest.mark.parametrize(
+    ("word", "not_understood", "named"),
+    [("partly_explained", 0.4, False), ("partly_explained", 0.3, True), ("explained", 0.4, True)],
+)
+def test_what_no_held_out_run_confirms_is_named_only_where_it_explains(monkeypatch, word, not_understood, named):
     """What is left may be another form of its law."""
-    whole = diagnose._Diagnosing._of
+    whole = diagnose.concluded
 
-    def half(self, ask):
-        answer, why = whole(self, ask)
-        verdict = "partly_explained" if answer.which and not another_form else answer.verdict
-        return replace(answer, verdict=verdict, unexplained=replace(answer.unexplained, share=0.4)), why
+    def half(asked, judge, held, found):
+        end = whole(asked, judge, held, found)
+        return replace(end, verdict=word, not_understood=not_understood) if held.found else end
 
-    monkeypatch.setattr(diagnose._Diagnosing, "_of", half)
+    monkeypatch.setattr(diagnose, "concluded", half)
     answer = mbexport.diagnose("pendulum", *noisy_and_quiet(), level="rigid", backends=[])
     found = [item.effect for item in answer.which]
-    assert (answer.verdict, found) == (("explained", ["viscous_friction"]) if another_form else ("unexplained", []))
+    assert (answer.verdict, found) == ((word, ["viscous_friction"]) if named else ("unexplained", []))
+
+
+@pytest.mark.parametrize("form", [None, Bent(0.1, 0, SOFTLY_SAID)])
+def test_what_a_law_that_no_engine_has_says_along_the_motion_is_understood(monkeypatch, form):
+    """A limit that is felt before it is reached, in a run alone, was not named: the one that cuts closed no gap."""
+    whole, ends = diagnose.concluded, []
+
+    def concluded(asked, judge, held, found):
+        ends.append((whole(asked, judge, held, found), held.unseen.open))
+        return ends[-1][0]
+
+    monkeypatch.setattr(verdict, "other_form", lambda judge, held: form)
+    monkeypatch.setattr(diagnose, "concluded", concluded)
+    rubbing = runs(lambda t, q, dq: 0.4 * dq + 0.2 * math.tanh(50.0 * math.sin(7.0 * t)), seeds=(1, 2))
+    mbexport.diagnose("pendulum", rubbing[:1], rubbing[1:], level="rigid", backends=[])
+    end, along = ends[0]
+    assert 0.0 < along < 1.0
+    assert end.unexplained.share > 0.0
+    assert end.not_understood == (0.1 * along if form else end.unexplained.share)
 
 
 def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     whole = diagnose._Diagnosing._of
 
     def fails(self, ask):
-        answer, why = whole(self, ask)
-        failed = replace(answer, verdict="unexplained", which=(), notes=())
+        answer = whole(self, ask)
+        failed = replace(answer.diagnosis, verdict="unexplained", which=(), notes=())
         told = unconfirmed.Unconfirmed(unconfirmed.FAILS, tuple(run.name for run in ask.holdout))
-        return (failed, told) if ask.holdout else (answer, why)
+        return replace(answer, diagnosis=failed, again=told) if ask.holdout else answer
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
     rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
