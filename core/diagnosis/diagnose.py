@@ -155,12 +155,12 @@ class _Answer:
     Attributes:
         diagnosis: The answer.
         again: Why some runs should be cut and all fitted, or what that did not confirm.
-        understood: What is left is little enough for a name that no run of its own confirms.
+        open: Part of the gap's energy that is not understood, 0 where the verdict is that it is explained.
     """
 
     diagnosis: Diagnosis
     again: Unconfirmed | None
-    understood: bool
+    open: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,7 +185,7 @@ class _Diagnosing:
             return answer
         parts = self._of(_Ask([*runs, *holdout], (), again.cut))
         apart, still = parts.diagnosis, parts.again
-        if not apart.which or not parts.understood:
+        if not apart.which or parts.open > UNDERSTOOD or parts.open >= asked.open:
             return replace(answer, notes=(*answer.notes, still.why)) if still else answer
         names = tuple(run.name for run in (*runs, *holdout))
         return replace(apart, runs=names, left_out=answer.left_out, notes=(*apart.notes, again.said))
@@ -279,7 +279,7 @@ class _Diagnosing:
             scores=scores(begun, {item.key: probability(item.gain, math.inf) for item in held.found}),
             overlays=tuple(overlay.drawable(since[overlay.run]) for overlay in held.overlays),
         )
-        return _Answer(answer, again, end.verdict == "explained" or end.not_understood <= UNDERSTOOD)
+        return _Answer(answer, again, 0.0 if end.verdict == "explained" else end.not_understood)
 
     def _found(self, state: Search, judge: Judge, *, looking: bool) -> tuple[Search, Judge, Held]:
         """The search gone on to its end, what judged it, and what of its findings holds."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..recording import Run
 from ..signals import joint_unit
@@ -18,6 +19,8 @@ from .state import Search, part_open
 from .unseen import Split
 from .words import listed, percent
 
+Vector = NDArray[np.float64]
+
 # part of the energy above noise of some runs that is next to nothing in others: of held-out ones, a coefficient, in the
 # fitted ones, and of the one that is loudest in all others
 NEARLY_STILL = 0.05
@@ -28,11 +31,17 @@ UNDERSTOOD = 0.35
 CONFIRMABLE = 0.5
 # causes after which that is known
 FIRST_CAUSES = 3
+# part of a gap that is worth a second question, where most of it is at a joint that held-out runs move farther
+MUCH = 0.15
 # how many times as far held-out runs must move a joint for the others to know little of what goes with its position
 FARTHER = 2.0
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
 MOVES_FARTHER = (
     "Most is left at {joint}, which moves over {far:.3g} {unit} in the held-out runs, {near:.3g} in the others."
+)
+MANY_MOVE_FARTHER = (
+    "Most is left at joints that move much farther in the held-out runs: {joint} over {far:.3g} {unit}, in the others "
+    "over {near:.3g}."
 )
 FAILS = "The held-out runs confirm nothing that the others show."
 SEEN_APART = (
@@ -87,7 +96,7 @@ def unconfirmed(
     held_out = tuple(runs[k].name for k in way.unseen)
     if alone:
         return Unconfirmed(ALONE, held_out)
-    if unexplained.share > CONFIRMABLE and (why := moves_farther(whole, way, unexplained)):
+    if unexplained.share > MUCH and (why := moves_farther(whole, way, unexplained)):
         return Unconfirmed(why, held_out)
     if verdict == "unexplained" and part_open(state) <= CONFIRMABLE:
         return Unconfirmed(FAILS, those_that_show(whole, runs, way))
@@ -113,14 +122,22 @@ def those_that_show(whole: Problem, runs: Sequence[Run], way: Split) -> tuple[st
 
 
 def moves_farther(whole: Problem, way: Split, unexplained: Unexplained) -> str:
-    """That held-out runs move the joint where most is left far farther than the fitted ones; "" if they do not."""
-    joint = max(unexplained.joints, key=lambda name: unexplained.joints[name], default="")
-    if not joint:
+    """That held-out runs move joints where half is left or more far farther than the fitted ones; "" if they do not."""
+    near, far = (_moved(whole.only(runs)) for runs in (way.seen, way.unseen))
+    joints = {f"joint_{k + 1}": k for k in np.flatnonzero(far > FARTHER * near).tolist()}
+    farther = {joint: share for joint, share in unexplained.joints.items() if joint in joints}
+    if not farther or sum(farther.values()) < 0.5 * sum(unexplained.joints.values()):
         return ""
-    at = int(joint.removeprefix("joint_"))
-    near, far = (float(whole.only(runs).way()[at - 1]) for runs in (way.seen, way.unseen))
-    unit = joint_unit("q", whole.database.joints[at - 1].kind)
-    return MOVES_FARTHER.format(joint=joint, far=far, near=near, unit=unit) if far > FARTHER * near else ""
+    joint = max(farther, key=lambda name: farther[name])
+    k = joints[joint]
+    unit = joint_unit("q", whole.database.joints[k].kind)
+    said = MOVES_FARTHER if len(farther) == 1 else MANY_MOVE_FARTHER
+    return said.format(joint=joint, far=far[k], near=near[k], unit=unit)
+
+
+def _moved(some: Problem) -> Vector:
+    """How far every joint moves in the run in which it moves farthest [rad or m], shape (n,)."""
+    return np.max([np.ptp(run.q, axis=0) for run in some.evidence.runs], axis=0)
 
 
 def leaves_most(state: Search) -> bool:

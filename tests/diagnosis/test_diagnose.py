@@ -13,7 +13,7 @@ import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
 from mbexport.core.diagnosis import diagnose, unconfirmed, verdict
-from mbexport.core.diagnosis.diagnosis import HowFar, Rejected
+from mbexport.core.diagnosis.diagnosis import HowFar, Rejected, Unexplained
 from mbexport.core.diagnosis.findings import largest_first
 from mbexport.core.diagnosis.fit import blocks
 from mbexport.core.diagnosis.forms import SOFTLY_SAID
@@ -148,7 +148,7 @@ def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
         answer = whole(self, ask)
         failed = replace(answer.diagnosis, verdict="unexplained", which=(), notes=())
         told = unconfirmed.Unconfirmed(unconfirmed.FAILS, tuple(run.name for run in ask.holdout))
-        return replace(answer, diagnosis=failed, again=told) if ask.holdout else answer
+        return replace(answer, diagnosis=failed, again=told, open=1.0) if ask.holdout else answer
 
     monkeypatch.setattr(diagnose._Diagnosing, "_of", fails)
     rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
@@ -157,6 +157,23 @@ def test_what_fails_on_held_out_runs_is_asked_of_all_runs_in_parts(monkeypatch):
     assert answer.notes[-1].startswith(
         "The held-out runs confirm nothing that the others show. So swing was cut in time"
     )
+
+
+@pytest.mark.parametrize(("left", "taken"), [(0.3, True), (0.2, False)])
+def test_what_parts_of_runs_leave_open_as_well_changes_no_answer(monkeypatch, left, taken):
+    whole = diagnose._Diagnosing._of
+
+    def partly(self, ask):
+        answer = whole(self, ask)
+        told = unconfirmed.Unconfirmed("It is asked again.", tuple(run.name for run in ask.holdout))
+        part = left if ask.holdout else 0.25
+        said = replace(answer.diagnosis, verdict="partly_explained", unexplained=Unexplained(part, {}, ""))
+        return replace(answer, diagnosis=said, again=told if ask.holdout else None, open=part)
+
+    monkeypatch.setattr(diagnose._Diagnosing, "_of", partly)
+    rubbing = runs(lambda t, q, dq: 0.4 * dq, seeds=(1, 2))
+    answer = mbexport.diagnose("pendulum", rubbing[:1], rubbing[1:], level="rigid", backends=[])
+    assert (answer.unexplained.share, answer.holdout == ()) == (0.25 if taken else 0.2, taken)
 
 
 def test_what_one_passage_of_one_run_alone_shows_is_told_and_not_named():
