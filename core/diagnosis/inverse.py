@@ -106,16 +106,14 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     inertia = np.where(machine.dummies, 0.0, machine.rotors) if imposed else machine.rotors
     gain = machine.gain if run.gains_act else np.ones(robot.n)
     droop = np.array(at_joints(beyond, CONSTANT, robot.n)) if run.gains_act else np.zeros(robot.n)
-    tau = asked_to_give(inertia * run.ddq + friction + (1.0 + slope) * passed, gain, droop)
+    given = inertia * run.ddq + friction + (1.0 + slope) * passed
+    tau = asked_to_give(given, gain, droop)
     if not imposed:
-        # a torque held from its tick on makes what a continuous one would half a tick later
-        rate = run.run.control.rate
-        change = np.gradient(tau, run.h, axis=0)
-        tau = tau + 0.5 / rate * change
-        early = np.ceil(robot.delay * rate - 1e-6) / rate - robot.delay
-        if early > 0.0:
-            # late by other than whole ticks, what acts at a tick acts for a part of one
-            tau = tau - early * _slow(change, run)
+        tau = _held(tau, run, robot.delay)
+        if machine.by_motors and "tau_link" in run.measured and not run.run.locked:
+            # rotors keep their part of what a torque jumps by
+            part = _part_of_arms(machine.bodies, tuple(machine.rotors.tolist()), run)
+            passed = passed + np.einsum("kij,kj->ki", part, _held(given, run, robot.delay) - given)
     asked = _asked(
         run,
         Itself(nominal),
@@ -129,6 +127,27 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
         tau = tau + more
     bias = machine.bias
     return Said(tau + bias, passed, q, moved.tool, moved.turn, None if asked is None else asked + bias)
+
+
+def _held(torque: Vector, run: Prepared, delay: float) -> Vector:
+    """What rows show of a torque (m, n) along a smooth motion that is held from its tick on, late by a drive's delay.
+
+    It makes what a continuous one would half a tick later.
+    """
+    rate = run.run.control.rate
+    change = np.gradient(torque, run.h, axis=0)
+    shown = torque + 0.5 / rate * change
+    early = np.ceil(delay * rate - 1e-6) / rate - delay
+    # late by other than whole ticks, what acts at a tick acts for a part of one
+    return shown - early * _slow(change, run) if early > 0.0 else shown
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _part_of_arms(bodies: Bodies, rotors: tuple[float, ...], run: Prepared) -> Vector:
+    """What part of motors' torques that jump reaches the arms, which go as their motors do, shape (m, n, n)."""
+    mass = bodies.arms.mass_matrix(run.q - bodies.offsets)
+    # M (M + R)^-1, both of them symmetric
+    return np.asarray(np.swapaxes(np.linalg.solve(mass + np.diag(rotors), mass), 1, 2), dtype=np.float64)
 
 
 def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:

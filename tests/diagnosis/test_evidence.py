@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, WEIGHT, command, noisy_loop, pendulum_run, soft_run, standing_run
+from pendulums import INERTIA, KD, KP, LENGTH, WEIGHT, command, noisy_loop, pendulum_run, soft_run, standing_run
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.build import build
@@ -107,6 +107,28 @@ def test_what_a_part_of_a_tick_makes_late_is_known_to_the_end_of_a_run():
     left = (delayed - prompt + (tick - late) * rate)[run.edge : -run.edge]
     # 1.6 times all of it at the end, where the smoothing is not left out
     assert np.abs(left).max() < 0.15 * (tick - late) * np.abs(rate).max()
+
+
+@pytest.mark.parametrize("thirds", [0, 2])
+def test_what_reaches_the_arm_jumps_by_its_part_of_a_held_torque(thirds):
+    """A smooth motion had shown the mean of two ticks, 0.4 of which a rotor keeps."""
+    recorded = pendulum_run(noise={"q": 1e-9, "tau": 1e-9}, duration=3.8, delay=thirds)
+    q, tau = recorded.signals["q"], recorded.signals["tau"]
+    # the same pendulum, a part of whose inertia is its rotor's
+    rotor, center = 0.1, 0.3
+    mass = WEIGHT / 9.81 / center
+    (body,) = DATABASE.inertias
+    arm = replace(body, mass=mass, com=(center - LENGTH, 0.0, 0.0), zz=INERTIA - rotor - mass * center**2)
+    robot = robot_of(replace(DATABASE, inertias=(arm,)), "rigid", recorded)
+    (stage,) = robot.stages
+    late = replace(robot, stages=(replace(stage, drive=replace(stage.drive, inertia=rotor)),), delay=thirds / 3000.0)
+    # by its equation of motion at each tick, where the torque has just jumped
+    passed = tau - rotor * (tau - WEIGHT * np.sin(q)) / INERTIA
+    run = prepare.prepared(replace(recorded, signals={**recorded.signals, "tau_link": passed}))
+    told = said(late, run, nominal=robot, creep=creep_of(run)).tau_link
+    left = (run.measured["tau_link"] - told)[run.edge : -run.edge]
+    # three quarters of that without the part that jumps, where nothing is late
+    assert np.abs(left).max() < 0.2 * 0.0005 * np.abs(np.gradient(passed[:, 0], recorded.t)).max()
 
 
 def test_a_commanded_torque_that_is_noisy_is_no_gap_of_the_model():
