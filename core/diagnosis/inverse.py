@@ -31,6 +31,8 @@ Vector = NDArray[np.float64]
 LIGHT = 0.1
 # a joint that stands for this part of a run stands most of the time, and does not where it moves for so long [s]
 STANDS, REST = 0.7, 0.05
+# part of all arms' inertia that one without any is taken to have
+LEAST_INERTIA = 1.0e-12
 # up to this part of a run's band its torque's change is that of its motion, not of its noise
 SLOW = 0.25
 # what is late by so nearly a number of rows is late by that
@@ -110,9 +112,10 @@ def said(robot: Robot, run: Prepared, nominal: Robot, creep: Vector, beyond: Bey
     tau = asked_to_give(given, gain, droop)
     if not imposed:
         tau = _held(tau, run, robot.delay)
-        if machine.by_motors and "tau_link" in run.measured and not run.run.locked:
+        if "tau_link" in run.measured and not run.run.locked:
             # rotors keep their part of what a torque jumps by
-            part = _part_of_arms(machine.bodies, tuple(machine.rotors.tolist()), run)
+            rigid = tuple(stage.drive.spring is None for stage in robot.stages)
+            part = _part_of_arms(Itself(nominal), rigid, run)
             passed = passed + np.einsum("kij,kj->ki", part, _held(given, run, robot.delay) - given)
     asked = _asked(
         run,
@@ -142,12 +145,24 @@ def _held(torque: Vector, run: Prepared, delay: float) -> Vector:
     return shown - early * _slow(change, run) if early > 0.0 else shown
 
 
-@lru_cache(maxsize=_REMEMBERED)
-def _part_of_arms(bodies: Bodies, rotors: tuple[float, ...], run: Prepared) -> Vector:
-    """What part of motors' torques that jump reaches the arms, which go as their motors do, shape (m, n, n)."""
-    mass = bodies.arms.mass_matrix(run.q - bodies.offsets)
-    # M (M + R)^-1, both of them symmetric
-    return np.asarray(np.swapaxes(np.linalg.solve(mass + np.diag(rotors), mass), 1, 2), dtype=np.float64)
+@lru_cache(maxsize=_JOINTS)
+def _part_of_arms(nominal: Itself[Robot], rigid: tuple[bool, ...], run: Prepared) -> Vector:
+    """What part of motors' torques that jump reaches the arms, by a robot's bodies, shape (m, n, n).
+
+    Args:
+        nominal: The robot: what effects change of its bodies and rotors is a small part of a small part.
+        rigid: Of which joints the arm goes as its motor does: behind a spring nothing jumps.
+        run: The motion.
+    """
+    machine = mechanism_of(nominal.kept)
+    bodies, driven = machine.bodies, list(machine.whole.driven)
+    mass = bodies.arms.mass_matrix(machine.whole.spread(run.q - bodies.offsets))
+    behind = np.zeros(mass.shape[1])
+    behind[driven] = np.where(rigid, machine.rotors, 0.0)
+    # M (M + R)^-1, both of them symmetric; an arm without inertia takes nothing
+    heavier = mass + np.diag(behind + LEAST_INERTIA * np.trace(mass, axis1=1, axis2=2).max())
+    part = np.swapaxes(np.linalg.solve(heavier, mass), 1, 2)[:, driven][:, :, driven]
+    return np.asarray(part * np.array(rigid, dtype=np.float64), dtype=np.float64)
 
 
 def arms_along(robot: Robot, run: Prepared, nominal: Robot) -> tuple[Vector, Vector]:

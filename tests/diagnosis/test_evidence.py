@@ -22,6 +22,7 @@ from mbexport.core.effects import EffectRow
 from mbexport.core.kinematics import kinematics
 from mbexport.core.motion import from_table
 from mbexport.core.recording import read_run
+from mbexport.core.representation import Spring
 from mbexport.core.simulation import simulate
 
 DATABASE = load("pendulum")
@@ -125,10 +126,23 @@ def test_what_reaches_the_arm_jumps_by_its_part_of_a_held_torque(thirds):
     # by its equation of motion at each tick, where the torque has just jumped
     passed = tau - rotor * (tau - WEIGHT * np.sin(q)) / INERTIA
     run = prepare.prepared(replace(recorded, signals={**recorded.signals, "tau_link": passed}))
-    told = said(late, run, nominal=robot, creep=creep_of(run)).tau_link
+    told = said(late, run, nominal=late, creep=creep_of(run)).tau_link
     left = (run.measured["tau_link"] - told)[run.edge : -run.edge]
     # three quarters of that without the part that jumps, where nothing is late
     assert np.abs(left).max() < 0.2 * 0.0005 * np.abs(np.gradient(passed[:, 0], recorded.t)).max()
+
+
+def test_nothing_jumps_behind_a_spring():
+    run = prepare.prepared(replace(r := pendulum_run(), signals={**r.signals, "tau_link": r.signals["tau"]}))
+    robot = robot_of(DATABASE, "rigid", run.run)
+    (stage,) = robot.stages
+    soft = replace(robot, stages=(replace(stage, drive=replace(stage.drive, spring=Spring(1.0e4, 1.0))),))
+    passed, held = (
+        said(soft, some, nominal=robot, creep=creep_of(some)).tau_link
+        for some in (replace(run, run=replace(run.run, control=Control("unknown"))), run)
+    )
+    assert np.array_equal(passed, held)
+    assert not np.array_equal(held, said(robot, run, nominal=robot, creep=creep_of(run)).tau_link)
 
 
 def test_a_commanded_torque_that_is_noisy_is_no_gap_of_the_model():
