@@ -22,7 +22,7 @@ from . import along, elastic, play
 from .beyond import CONSTANT, LIMIT, Beyond, asked_to_give, at_joints, cut_softly, of_joints, of_springs, places
 from .elastic import SpringTable
 from .mechanism import Bodies, Itself, Mechanism, Rubbing, mechanism_of, rubbing_of
-from .prepare import Prepared, creep_of, filtered, lowpass, ticks_a_row
+from .prepare import FEWEST_FILTERED, Prepared, creep_of, filtered, lowpass, ticks_a_row
 from .starting_side import Witness
 
 Vector = NDArray[np.float64]
@@ -207,7 +207,8 @@ def _slow(values: Vector, run: Prepared) -> Vector:
 
     slow = values.copy()
     inner = slice(run.edge, len(values) - run.edge)
-    slow[inner] = signal.sosfiltfilt(lowpass(2, SLOW * run.band, 1.0 / run.h), values[inner], axis=0)
+    if len(values) - 2 * run.edge >= FEWEST_FILTERED:
+        slow[inner] = signal.sosfiltfilt(lowpass(2, SLOW * run.band, 1.0 / run.h), values[inner], axis=0)
     return slow
 
 

@@ -35,13 +35,13 @@ FIRST_CAUSES = 3
 MUCH = 0.15
 # how many times as far held-out runs must move a joint for the others to know little of what goes with its position
 FARTHER = 2.0
+# part of a way that is no motion but a sensor's noise
+STANDS = 0.01
 ALONE = "The gap stands in the held-out runs alone: the others show no more than noise of it where their joints move."
-MOVES_FARTHER = (
-    "Most is left at {joint}, which moves over {far:.3g} {unit} in the held-out runs, {near:.3g} in the others."
-)
+MOVES_FARTHER = "Most is left at {joint}, which moves over {far:.3g} {unit} in the held-out runs, {near} in the others."
 MANY_MOVE_FARTHER = (
     "Most is left at joints that move much farther in the held-out runs: {joint} over {far:.3g} {unit}, in the others "
-    "over {near:.3g}."
+    "over {near}."
 )
 FAILS = "The held-out runs confirm nothing that the others show."
 SEEN_APART = (
@@ -132,7 +132,8 @@ def moves_farther(whole: Problem, way: Split, unexplained: Unexplained) -> str:
     k = joints[joint]
     unit = joint_unit("q", whole.database.joints[k].kind)
     said = MOVES_FARTHER if len(farther) == 1 else MANY_MOVE_FARTHER
-    return said.format(joint=joint, far=far[k], near=near[k], unit=unit)
+    less = f"{near[k]:.3g}" if near[k] > STANDS * far[k] else "next to nothing"
+    return said.format(joint=joint, far=far[k], near=less, unit=unit)
 
 
 def _moved(some: Problem) -> Vector:

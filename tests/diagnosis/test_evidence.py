@@ -110,6 +110,14 @@ def test_what_a_part_of_a_tick_makes_late_is_known_to_the_end_of_a_run():
     assert np.abs(left).max() < 0.15 * (tick - late) * np.abs(rate).max()
 
 
+def test_of_a_run_that_is_all_ends_a_late_drive_is_known_as_it_is():
+    recorded = pendulum_run(duration=0.5, rate=100.0, noise={"q": 0.1, "tau": 1.0})
+    run = prepare.prepared(recorded)
+    assert len(run.t) - 2 * run.edge < prepare.FEWEST_FILTERED
+    robot = robot_of(DATABASE, "rigid", recorded)
+    assert np.isfinite(said(replace(robot, delay=0.0003), run, nominal=robot, creep=creep_of(run)).tau).all()
+
+
 @pytest.mark.parametrize("thirds", [0, 2])
 def test_what_reaches_the_arm_jumps_by_its_part_of_a_held_torque(thirds):
     """A smooth motion had shown the mean of two ticks, 0.4 of which a rotor keeps."""

@@ -65,6 +65,7 @@ def test_joints_where_half_is_left_move_farther_than_in_any_fitted_run(joints, a
     left = {f"joint_{k + 1}": share for k, share in enumerate(joints)}
     said = moves_farther(asked, splits(3, 1)[0], Unexplained(0.5, left, ""))
     assert said.startswith(f"Most is left at {at}, which moves over 0.5 rad") if at else said == ""
+    assert (", 0.1 in the others" in said) == bool(at)
 
 
 def test_several_joints_that_move_farther_are_told_as_such():
@@ -72,6 +73,12 @@ def test_several_joints_that_move_farther_are_told_as_such():
     asked = problem(load("planar2r"), "rigid", some)
     said = moves_farther(asked, splits(2, 1)[0], Unexplained(0.5, {"joint_1": 0.3, "joint_2": 0.2}, ""))
     assert said.startswith("Most is left at joints that move much farther in the held-out runs: joint_1 over 1 rad")
+    assert said.endswith("in the others over 0.1.")
+    # of what stands but for its sensor's noise no number is told
+    still = [swung("runs-1", (0.0, 0.0), (0.0, 0.0)), some[1]]
+    asked = problem(load("planar2r"), "rigid", still)
+    said = moves_farther(asked, splits(2, 1)[0], Unexplained(0.5, {"joint_1": 0.3, "joint_2": 0.2}, ""))
+    assert said.endswith("in the others over next to nothing.")
 
 
 @pytest.mark.parametrize(("left", "again"), [(0.3, True), (0.1, False)])
