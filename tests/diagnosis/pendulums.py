@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +128,28 @@ def pendulum_run(
     control = Control("pd", (KP,), (KD,)) if mode == "pd" else Control(mode)
     stated = {"q": np.array([sigma["q"]]), "tau": np.array([sigma["tau"]])}
     return Run("swing", t, signals, control, stated, (), {}, "", (), rate)
+
+
+def late_by(late: float) -> tuple[Callable[[float, float, float], float], dict[int, float]]:
+    """What takes the torque away that is held now and gives the one of a while ago [s] instead, and what it has kept.
+
+    Returns:
+        The torque against the motion, and its memory, to be cleared before each run.
+    """
+    past: dict[int, float] = {}
+
+    def against(t: float, q: float, dq: float) -> float:
+        tick = int(t * 1000.0 + 1.0e-6)
+        asked = command(tick / 1000.0)
+        past.setdefault(tick, KP * (float(asked[0]) - q) + KD * (float(asked[1]) - dq))
+        return past[tick] - past.get(int(np.floor((t - late) * 1000.0 + 1.0e-6)), past[0])
+
+    return against, past
+
+
+def without_torque(run: Run) -> Run:
+    """A late drive's run without the torque of its record, which is the controller's and not what acted."""
+    return replace(run, signals={name: values for name, values in run.signals.items() if name != "tau"})
 
 
 def standing_run() -> Run:

@@ -4,7 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pendulums import INERTIA, KD, KP, LENGTH, WEIGHT, command, noisy_loop, pendulum_run, soft_run, standing_run
+from pendulums import (
+    INERTIA,
+    LENGTH,
+    WEIGHT,
+    command,
+    late_by,
+    noisy_loop,
+    pendulum_run,
+    soft_run,
+    standing_run,
+    without_torque,
+)
 from scipy.spatial.transform import Rotation
 
 from mbexport.core.build import build
@@ -52,29 +63,6 @@ def test_a_run_that_ends_in_motion_is_no_gap_of_the_model(monkeypatch):
     # the ends are what this is about: kept, they show
     monkeypatch.setattr(prepare, "EDGE", 0.1)
     assert max(left_by_nothing([run])) > 3.0
-
-
-def late_by(late):
-    """What takes the torque away that is held now and gives the one of a while ago [s] instead, and what it has kept.
-
-    Returns:
-        The torque against the motion, and its memory, to be cleared before each run.
-    """
-    past: dict[int, float] = {}
-
-    def against(t, q, dq):
-        tick = int(t * 1000.0 + 1.0e-6)
-        asked = command(tick / 1000.0)
-        past.setdefault(tick, KP * (float(asked[0]) - q) + KD * (float(asked[1]) - dq))
-        before = past.get(int(np.floor((t - late) * 1000.0 + 1.0e-6)), past[0])
-        return past[tick] - before
-
-    return against, past
-
-
-def without_torque(run):
-    """A late drive's run without the torque of its record, which is the controller's and not what acted."""
-    return replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"})
 
 
 def test_a_delay_is_found_to_a_part_of_a_tick():

@@ -21,7 +21,7 @@ from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.recording import Run
 from mbexport.core.representation import Inertia
 
-from .pendulums import KD, KP, command, pendulum_run
+from .pendulums import late_by, pendulum_run, without_torque
 from .searching import COLUMNS, NO_SPRING, found, question
 
 
@@ -177,21 +177,8 @@ def test_what_simulation_takes_to_nothing_has_vanished():
 
 
 def test_a_delay_is_fitted_across_the_edge_of_a_tick():
-    past: dict[int, float] = {}
     late = 0.0052
-
-    def late_torque(t, q, dq):
-        """What takes the torque away that is held now and gives the one of a while ago instead."""
-        tick = int(t * 1000.0 + 1.0e-6)
-        wanted = command(tick / 1000.0)
-        past.setdefault(tick, KP * (float(wanted[0]) - q) + KD * (float(wanted[1]) - dq))
-        return past[tick] - past.get(int(np.floor((t - late) * 1000.0 + 1.0e-6)), past[0])
-
-    run = pendulum_run(against=late_torque)
-    # its torque is the controller's, not what acted
-    asked = problem(
-        load("pendulum"), "rigid", [replace(run, signals={k: v for k, v in run.signals.items() if k != "tau"})]
-    )
+    asked = problem(load("pendulum"), "rigid", [without_torque(pendulum_run(against=late_by(late)[0]))])
     start = Found("delay", 0, EffectRow(0, {"time": 0.0035}), 0.0)
     fit = refined(asked, whitening(asked), [start], blocks(asked.evidence))
     assert fit.rows["delay", 0].values["time"] == pytest.approx(late, abs=8e-4)
