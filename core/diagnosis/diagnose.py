@@ -376,12 +376,13 @@ class _Diagnosing:
             named = dict(zip((item.key for item in held.found), names, strict=True))
             held, fit, doubts = self._in_line(state, judge, held, fit, every=every)
             names = [named[item.key] for item in held.found]
-            if not (out := untold(state.problem, held.found, fit, doubts)):
+            question, parts = (state.problem, state.whiten), blocks(state.problem.evidence)
+            whole = with_moments(*question, fit, parts)
+            if not (out := untold(state.problem, held.found, fit, whole, doubts)):
+                fit = with_geometry(*question, whole, parts)
                 break
             held = judge.without_untold(held, out)
             fit, names = self._names(state, held.found)
-        if fit is not None:
-            fit = with_geometry(state.problem, state.whiten, fit, blocks(state.problem.evidence))
         return held, fit, names
 
     def _named(self, state: Search, judge: Judge, held: Held) -> tuple[Held, Refined | None, list[tuple[Alike, ...]]]:
@@ -437,7 +438,7 @@ class _Diagnosing:
         else:
             # numbers from simulation know of them
             fit = with_tolerances(state.problem, state.whiten, fit, parts)
-        fit = in_one_turn(with_moments(state.problem, state.whiten, doubted(fit, doubts), parts))
+        fit = in_one_turn(doubted(fit, doubts))
         return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit, doubts
 
     def _found_so_far(self, what: str) -> None:
@@ -487,3 +488,4 @@ class _Diagnosing:
         except RefusedError as error:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
+

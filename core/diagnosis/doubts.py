@@ -23,8 +23,8 @@ from .hypothesis import clamped, defaults
 from .inverse import stretch_of
 from .model import tables
 from .nuisances import Whitening
-from .problem import Problem
-from .refine import PLAY, SHAPES, Refined
+from .problem import BODIES, Problem
+from .refine import PLAY, SHAPES, Refined, covariance_of
 from .unseen import EARNS
 
 Vector = NDArray[np.float64]
@@ -67,24 +67,30 @@ def doubted(fit: Refined, doubts: Doubts) -> Refined:
     return replace(fit, covariance=fit.covariance + np.diag(extra**2)) if extra.any() else fit
 
 
-def untold(problem: Problem, found: Sequence[Found], fit: Refined, doubts: Doubts) -> list[Found]:
+def untold(
+    problem: Problem, found: Sequence[Found], fit: Refined, with_moments: Refined, doubts: Doubts
+) -> list[Found]:
     """Findings of which there may as well be nothing: what it would be lies in the region of 95 % of their amounts.
 
     Beside others they helped, by numbers of which nothing is known: what they took away is another cause's. Springs and
     limits, of which there is none where they are infinite, are always told; a law that is of another form than it was
-    known to be is there, though one number of it may be what it was; and so is what others need.
+    known to be is there, though one number of it may be what it was; and so is what others need. Moments that were left
+    out of a body may say what others were found for, but there are none without a body.
 
     Args:
         problem: The runs that were fitted.
         found: Findings.
-        fit: Of all their numbers, whose covariance knows all that there is to know.
-        doubts: What of that is for laws of other forms.
+        fit: Of all their numbers.
+        with_moments: The same, whose intervals know of moments of inertia that were left out of bodies.
+        doubts: What of both is for laws of other forms.
     """
-    unsure = [
-        item for item in found if _may_be_nothing(problem, fit, item, {}) and not gives_alone(problem, found, item)
-    ]
+
+    def may_be_nothing(item: Found, beyond: Doubts) -> bool:
+        return _may_be_nothing(problem, fit if item.effect in BODIES else with_moments, item, beyond)
+
+    unsure = [item for item in found if may_be_nothing(item, {}) and not gives_alone(problem, found, item)]
     bent = have_other_forms(problem, found) if unsure and doubts else ()
-    return [item for item in unsure if item.key not in bent or _may_be_nothing(problem, fit, item, doubts)]
+    return [item for item in unsure if item.key not in bent or may_be_nothing(item, doubts)]
 
 
 def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts) -> bool:
@@ -100,10 +106,11 @@ def _may_be_nothing(problem: Problem, fit: Refined, item: Found, doubts: Doubts)
         return False
     doubt = np.array([doubts.get(fit.free[k], 0.0) for k in amounts])
     covariance = fit.covariance[np.ix_(amounts, amounts)] - np.diag(doubt**2)
-    # a spring may be soft and far away or hard and near: its torque is known far better than both
-    for k in (k for k in own if fit.free[k][2] == "rest"):
-        both = fit.covariance[amounts, k]
-        covariance = covariance - np.outer(both, both) / fit.covariance[k, k]
+    # a spring may be soft and far away or hard and near: its torque is known far better than both; and what no run
+    # shows may be anything, as may be what shows with it alone
+    given = [k for k in own if k not in amounts and (fit.free[k][2] == "rest" or not fit.shown[k])]
+    both, held = fit.covariance[np.ix_(amounts, given)], fit.covariance[np.ix_(given, given)]
+    covariance = covariance - both @ covariance_of(held) @ both.T
     # of numbers that go together some combinations may be known exactly
     size = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
     correlation = covariance / np.outer(size, size)

@@ -51,7 +51,7 @@ class Plain:
 
     @staticmethod
     def of(problem: Problem, free: Sequence[tuple[str, int, str]]) -> Plain:
-        length = PART_OF_REACH * _reach(problem)
+        length = usual_length(problem)
         deviations: dict[int, float] = {}
         for k, (effect, at, name) in enumerate(free):
             if effect == "joint_spring" and name == "rest":
@@ -96,10 +96,26 @@ class Plain:
             parts.append(_hollow(moments) / HOLLOW)
         return np.concatenate(parts)
 
+    def usual(self, values: Vector) -> Vector:
+        """How far from none a number may well be of which runs show nothing, 0 where it is not said, shape (k,)."""
+        out = np.zeros(len(values))
+        out[list(self.small)] = self.loose
+        for names, mass in self.arms:
+            extra = abs(float(values[names["mass"]])) if "mass" in names else 0.0
+            lever = max(extra, SHIFTED * mass) * self.length
+            for name, k in names.items():
+                out[k] = mass if name == "mass" else lever if name.startswith("m") else lever * self.length
+        return out
+
 
 def stray(problem: Problem, name: str) -> float:
     """One standard deviation of an error of an arm's geometry [rad or m]."""
-    return STRAY * PART_OF_REACH * _reach(problem) if name in ("a", "d") else STRAY
+    return STRAY * usual_length(problem) if name in ("a", "d") else STRAY
+
+
+def usual_length(problem: Problem) -> float:
+    """What is long for an arm, or for how far from its frame is what is more there [m]."""
+    return PART_OF_REACH * _reach(problem)
 
 
 def rests(problem: Problem, at: int) -> float:

@@ -65,6 +65,8 @@ TIMES = 3.0
 # how strongly a number stays where it began, in noise by its size: next to nothing beside what a run says of it, and
 # enough where none does, or rounding would take it anywhere
 STAYS = 1.0e-3
+# part of what is usual of a number that is least for its size: one that begins at nothing would stay there
+LITTLE = 0.01
 # of what is known of a number the part that the runs must say
 RESOLVED = 0.5
 
@@ -176,7 +178,8 @@ def vanished(fit: Refined, item: Found) -> bool:
     """Whether the 95 % interval of every amount, as the finding goes, holds what it is where there is none of it."""
     absent = _ON_TIME if item.effect == "delay" else item.absent
     own = fit.numbers_of(item.key)
-    amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in SHAPES]
+    # what no run shows may be anything, and so may be what shows with it alone
+    amounts = [j for j, k in enumerate(own) if fit.free[k][2] not in SHAPES and fit.shown[k]]
     if absent is None or not amounts:
         return False
     # a spring may be soft and far away or hard and near: its torque is known far better than both
@@ -315,7 +318,9 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     )
     way, named = problem.way(), {item.key: item for item in found}
     start = np.array([named[effect, at].row.values[name] for effect, at, name in free])
+    held = Plain.of(problem, free)
     size = np.array([_size(named[effect, at], name, float(way[at - 1])) for effect, at, name in free])
+    size = np.maximum(size, LITTLE * held.usual(start))
     bounds = [bounds_of(problem, *key, value) for key, value in zip(free, start.tolist(), strict=True)]
     low = np.array([b[0] for b in bounds]) / size
     high = np.array([b[1] for b in bounds]) / size
@@ -333,7 +338,6 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
         apart = differences(lambda there: held.apart(there * size), x, high)
         return np.vstack([residual.slopes(x) / sigma[:, None], apart, STAYS * np.eye(len(x))])
 
-    held = Plain.of(problem, free)
     residual = Sloped(lambda x: left_with(problem, whiten, tables(rows_at(x))), high)
     x = begun = np.clip(start / size, low + 1e-12, high)
     sigma = spread(residual.at(x), parts)
@@ -357,7 +361,8 @@ def _within(problem: Problem, whiten: Whitening, found: Sequence[Found], parts: 
     left = residual.at(x)
     jacobian = np.asarray(solution.jac)
     # what no run shows is known within a few times its size, for what would otherwise be anything
-    inverse = covariance_of(jacobian.T @ jacobian + np.diag((TIMES * np.maximum(np.abs(x), 1.0)) ** -2.0))
+    loosely = TIMES * np.maximum(np.maximum(np.abs(x), 1.0), held.usual(x * size) / size)
+    inverse = covariance_of(jacobian.T @ jacobian + np.diag(loosely**-2.0))
     told = jacobian[: len(left)]
     known = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
     resolved = np.diagonal(known @ (told.T @ told)) > RESOLVED

@@ -20,14 +20,15 @@ from ..effects import EffectRow
 from .fit import Part, spread
 from .model import tables
 from .nuisances import Whitening
-from .plain import stray
+from .plain import stray, usual_length
 from .problem import Problem
 from .refine import Refined, left_with, taken_up
 
 Vector = NDArray[np.float64]
 Key = tuple[str, int]
 
-MOMENTS = ("Ixx", "Iyy", "Izz")
+# what is usual of each, as part of what is of a moment: no product is more than half of the largest of these
+MOMENTS = {"Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0, "Ixy": 0.5, "Ixz": 0.5, "Iyz": 0.5}
 GEOMETRY = ("alpha", "a", "theta", "d", "beta")
 # a load's moment of inertia about its centre, as part of its mass times the square of how far that is away
 USUAL = 0.25
@@ -35,6 +36,8 @@ USUAL = 0.25
 
 def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Sequence[Part]) -> Refined:
     """A fit whose intervals know of the moments of inertia that were left out of its bodies.
+
+    That there is a body they do not put in doubt: no moment is without a mass.
 
     Args:
         problem: The runs that were fitted.
@@ -46,7 +49,7 @@ def with_moments(problem: Problem, whiten: Whitening, fit: Refined, parts: Seque
     for key, row in fit.rows.items():
         moment, fitted = _moment(problem, key[0], row), _fitted(fit, key)
         if moment:
-            usual[key] = {name: moment for name in MOMENTS if name in row.values and name not in fitted}
+            usual[key] = {name: part * moment for name, part in MOMENTS.items() if name not in fitted}
     return _widened(problem, whiten, fit, parts, usual)
 
 
@@ -105,6 +108,7 @@ def _moment(problem: Problem, effect: str, row: EffectRow) -> float:
         arm = problem.database.inertias[row.at - 1]
         # these are about the arm's frame: what differs is as far from it as its moments say, or as the arm's own mass
         away = math.sqrt(math.hypot(*arm.com) ** 2 + 0.5 * (arm.xx + arm.yy + arm.zz) / arm.mass) if arm.mass else 0.0
-        mass, first = abs(values["mass"]), math.hypot(values["mx"], values["my"], values["mz"])
+        mass, found = abs(values["mass"]), math.hypot(values["mx"], values["my"], values["mz"])
+        first = max(found, mass * usual_length(problem))
         return max(first * away, first**2 / mass if mass else 0.0)
     return 0.0

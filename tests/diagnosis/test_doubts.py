@@ -190,7 +190,7 @@ def rubbing_and_heavy(size):
 @pytest.mark.parametrize(("size", "lost"), [(0.4, []), (0.6, ["viscous_friction", "rotor_inertia"])])
 def test_what_may_as_well_be_nothing_is_not_told_from_it(size, lost):
     asked, found, fit = rubbing_and_heavy(size)
-    assert [item.effect for item in untold(asked, found, fit, {})] == lost
+    assert [item.effect for item in untold(asked, found, fit, fit, {})] == lost
 
 
 def test_two_numbers_of_which_the_sum_is_known_are_told_from_nothing():
@@ -205,9 +205,33 @@ def test_two_numbers_of_which_the_sum_is_known_are_told_from_nothing():
         np.zeros((10, 2)),
         (True, True),
     )
-    assert untold(asked, [heavy], fit, {}) == []
+    assert untold(asked, [heavy], fit, fit, {}) == []
     loose = replace(fit, covariance=np.diag(np.diag(fit.covariance)))
-    assert untold(asked, [heavy], loose, {}) == [heavy]
+    assert untold(asked, [heavy], loose, loose, {}) == [heavy]
+
+
+def test_a_number_that_shows_with_one_that_no_run_shows_is_told_from_nothing():
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion"), pendulum_run("motion", seed=2)])
+    heavy = Found("link_inertia", 1, EffectRow(1, {"mass": 1.0, "mx": 0.0}), 50.0)
+    free = (("link_inertia", 1, "mass"), ("link_inertia", 1, "mx"))
+    both = np.array([[4.0, -3.99], [-3.99, 4.0]])
+    fit = Refined({heavy.key: heavy.row}, np.zeros(10), free, both, np.zeros((10, 2)), (True, False))
+    assert untold(asked, [heavy], fit, fit, {}) == []
+    loose = replace(fit, covariance=np.diag(np.diag(both)))
+    assert untold(asked, [heavy], loose, loose, {}) == [heavy]
+
+
+def test_moments_that_were_left_out_put_others_in_doubt_and_not_their_own_body():
+    """There are none without it."""
+    asked = problem(load("pendulum"), "rigid", [pendulum_run("motion"), pendulum_run("motion", seed=2)])
+    load_there = Found("payload", 0, EffectRow(0, {"mass": 1.0}), 50.0)
+    rotor = Found("rotor_inertia", 1, EffectRow(1, {"inertia": 1.0}), 50.0)
+    free = (("payload", 0, "mass"), ("rotor_inertia", 1, "inertia"))
+    rows = {item.key: item.row for item in (load_there, rotor)}
+    fit = Refined(rows, np.zeros(10), free, 0.01 * np.eye(2), np.zeros((10, 2)), (True, True))
+    wide = replace(fit, covariance=np.eye(2))
+    assert untold(asked, [load_there, rotor], fit, fit, {}) == []
+    assert untold(asked, [load_there, rotor], fit, wide, {}) == [rotor]
 
 
 def test_a_spring_whose_torque_is_known_is_told_from_nothing():
@@ -217,21 +241,21 @@ def test_a_spring_whose_torque_is_known_is_told_from_nothing():
     free = tuple(("joint_spring", 1, name) for name in ("stiffness", "rest"))
     together = np.array([[16.0, -11.9], [-11.9, 9.0]])
     fit = Refined({spring.key: spring.row}, np.zeros(10), free, together, np.zeros((10, 2)), (True, True))
-    assert untold(asked, [spring], fit, {}) == []
+    assert untold(asked, [spring], fit, fit, {}) == []
     loose = replace(fit, covariance=np.diag(np.diag(together)))
-    assert untold(asked, [spring], loose, {}) == [spring]
+    assert untold(asked, [spring], loose, loose, {}) == [spring]
 
 
 def test_a_law_of_another_form_is_there_whatever_one_number_of_it_is():
     """Friction that yields is what was known of it at one speed; a rotor's inertia has no form to be another one."""
     asked, found, fit = rubbing_and_heavy(0.6)
     own = {key: 0.5 * fit.rows[key[:2]].values[key[2]] for key in fit.free}
-    assert [item.effect for item in untold(asked, found, fit, own)] == ["rotor_inertia"]
+    assert [item.effect for item in untold(asked, found, fit, fit, own)] == ["rotor_inertia"]
 
 
 def test_a_finding_of_which_nothing_is_known_is_not_named(monkeypatch):
     """The other one is fitted again without it."""
-    monkeypatch.setattr(diagnose, "untold", lambda asked, found, fit, doubts: list(found[1:]))
+    monkeypatch.setattr(diagnose, "untold", lambda asked, found, fit, whole, doubts: list(found[1:]))
     runs = [pendulum_run(against=lambda t, q, dq: 0.4 * dq + 2.0 * math.sin(q - 0.3), seed=seed) for seed in (1, 2)]
     answer = mbexport.diagnose("pendulum", runs, level="rigid", backends=[])
     (found,) = answer.which

@@ -15,7 +15,7 @@ from mbexport.core.diagnosis.found import Found, rows_of
 from mbexport.core.diagnosis.judge import Judge
 from mbexport.core.diagnosis.nuisances import whitening
 from mbexport.core.diagnosis.problem import FAR, FARTHEST, problem
-from mbexport.core.diagnosis.refine import covariance_of, left_with, refined, removal, stiffened, vanished
+from mbexport.core.diagnosis.refine import Refined, covariance_of, left_with, refined, removal, stiffened, vanished
 from mbexport.core.diagnosis.unseen import splits
 from mbexport.core.effects import EffectRow, effect_named
 from mbexport.core.recording import Run
@@ -154,6 +154,20 @@ def test_numbers_that_no_run_shows_are_not_said_to_be_known():
     assert not shown["z"]
 
 
+def test_a_number_that_begins_at_nothing_is_neither_held_there_nor_said_to_be_known():
+    """Of more of a pendulum's arm its first moment across, of which runs show something, and along the axis."""
+    asked = question(lambda t, q, dq: 0.3 * math.sin(q) + 0.2 * math.cos(q))
+    row = EffectRow(1, dict.fromkeys(COLUMNS, 0.0) | {"mass": 0.1} | dict.fromkeys(("mx", "my", "mz"), 1e-9))
+    fit = refined(asked, whitening(asked), [Found("link_inertia", 1, row, 50.0)], blocks(asked.evidence))
+    spread = {name: math.sqrt(fit.covariance[k, k]) for k, (_, _, name) in enumerate(fit.free)}
+    values = fit.rows["link_inertia", 1].values
+    # gravity along y: 0.2 N m over 9.81 m/s^2
+    assert abs(values["my"]) == pytest.approx(0.2 / 9.81, rel=0.05)
+    assert dict(zip((name for _, _, name in fit.free), fit.shown, strict=True))["mz"] is False
+    # nearly a fifth of the robot's length, 0.5 m, times that mass, which is at least a tenth of the arm's
+    assert spread["mz"] > 0.09 * max(abs(values["mass"]), 0.1 * asked.database.inertias[0].mass)
+
+
 def test_an_interval_ends_where_its_number_can():
     """No friction drives its joint, however little of it the runs show."""
     asked = question(lambda t, q, dq: 0.4 * dq)
@@ -174,6 +188,17 @@ def test_what_simulation_takes_to_nothing_has_vanished():
     assert not vanished(fit, friction)
     none = replace(fit, rows={friction.key: EffectRow(1, {"coefficient": 1e-6})})
     assert vanished(none, friction)
+
+
+def test_what_shows_with_what_no_run_shows_has_not_vanished():
+    """Of a mass and its first moment along an axis that no run turns about, together known well."""
+    row, none = (EffectRow(1, {"mass": mass, "mx": 0.0}) for mass in (1.0, 0.0))
+    free = (("link_inertia", 1, "mass"), ("link_inertia", 1, "mx"))
+    both = np.array([[4.0, -3.99], [-3.99, 4.0]])
+    arm = Found("link_inertia", 1, row, 50.0, none)
+    fit = Refined({arm.key: row}, np.zeros(10), free, both, np.zeros((10, 2)), (True, False))
+    assert not vanished(fit, arm)
+    assert vanished(replace(fit, covariance=np.diag(np.diag(both))), arm)
 
 
 def test_a_delay_is_fitted_across_the_edge_of_a_tick():

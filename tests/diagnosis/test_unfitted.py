@@ -93,3 +93,27 @@ def test_an_interval_knows_of_geometry_that_may_be_off_as_well(monkeypatch, alik
     wider = with_geometry(asked, None, fit, [Part(0, 400, 0, 400)])
     assert math.sqrt(wider.covariance[0, 0] - 1e-8) == pytest.approx(wide * found, rel=0.01, abs=1e-12)
     assert with_moments(asked, None, fit, [Part(0, 400, 0, 400)]).covariance == fit.covariance
+
+
+@pytest.mark.parametrize(("name", "place"), [("payload", 0), ("link_inertia", 1)])
+def test_an_interval_knows_of_products_that_were_left_out(monkeypatch, name, place):
+    """Where a body is along an axis its product says as well, about the frame of an arm most of all."""
+    along = {"payload": "z", "link_inertia": "mz"}[name]
+    same = np.linalg.qr(np.random.default_rng(7).normal(size=(400, 1)))[0][:, 0]
+
+    def left_with(_problem, _whiten, rows):
+        values = rows[name][0].values
+        return (values[along] + values["Ixz"]) * 1e4 * same
+
+    monkeypatch.setattr("mbexport.core.diagnosis.unfitted.left_with", left_with)
+    asked = problem(load("pendulum"), "rigid", [pendulum_run()])
+    row = EffectRow(place, {c.name: 0.0 for c in effect_named(name).columns} | {"mass": 1.0, along: 0.3})
+    fit = Refined(
+        {(name, place): row}, np.zeros(400), ((name, place, along),), np.array([[1e-8]]), 1e4 * same[:, None], (True,)
+    )
+    wider = with_moments(asked, None, fit, [Part(0, 400, 0, 400)])
+    # a quarter of m c^2 of a load; of an arm, first moment times how far its own mass is out; of both a half
+    arm = asked.database.inertias[0]
+    away = math.sqrt(math.hypot(*arm.com) ** 2 + 0.5 * (arm.xx + arm.yy + arm.zz) / arm.mass)
+    usual = {"payload": 0.25 * 0.3**2, "link_inertia": max(0.3 * away, 0.3**2)}[name]
+    assert math.sqrt(wider.covariance[0, 0] - 1e-8) == pytest.approx(0.5 * usual, rel=0.01)
