@@ -46,6 +46,7 @@ from .suspect import Suspect
 from .told_apart import told_apart
 from .tolerated import with_tolerances
 from .tried import ALIKE_SHARE
+from .two_ways import Apart, reaching, ways_apart
 from .unconfirmed import UNDERSTOOD, Unconfirmed, leaves_most, nowhere_else, unconfirmed
 from .unfitted import with_geometry, with_moments
 from .unresolved import resolved
@@ -374,12 +375,12 @@ class _Diagnosing:
         held, fit, names = self._named(state, judge, held)
         while fit is not None:
             named = dict(zip((item.key for item in held.found), names, strict=True))
-            held, fit, doubts = self._in_line(state, judge, held, fit, every=every)
+            held, fit, doubts, apart = self._in_line(state, judge, held, fit, every=every)
             names = [named[item.key] for item in held.found]
             question, parts = (state.problem, state.whiten), blocks(state.problem.evidence)
             whole = with_moments(*question, fit, parts)
             if not (out := untold(state.problem, held.found, fit, whole, doubts)):
-                fit = with_geometry(*question, whole, parts)
+                fit = reaching(with_geometry(*question, whole, parts), apart)
                 break
             held = judge.without_untold(held, out)
             fit, names = self._names(state, held.found)
@@ -411,8 +412,10 @@ class _Diagnosing:
 
     def _in_line(
         self, state: Search, judge: Judge, held: Held, fit: Refined, *, every: bool
-    ) -> tuple[Held, Refined, Doubts]:
-        """Findings with their numbers, from simulation where these are no worse, and how far other forms move these.
+    ) -> tuple[Held, Refined, Doubts, Apart]:
+        """Findings with their numbers, from simulation where these are no worse, and how far these may be others.
+
+        By other forms of their laws, and by what the measured motion says where simulation says something else.
 
         Args:
             state: With the runs that were fitted.
@@ -433,13 +436,17 @@ class _Diagnosing:
             far = bool(kept.numbers)
             whole = (state.problem, self.level, judge.runs, fit, self.backend)
             last = polished(*whole, far=far, known=judge.slopes) if every else numbers[0]
+            # from afar the motion knows little of them
+            apart = ways_apart(fit, last) if last and not far else {}
             # how tolerances give way is reckoned stiffly there: not what they make of a spring's ringing
             fit = with_tolerances(state.problem, state.whiten, last or fit, parts, SPRINGS)
         else:
             # numbers from simulation know of them
+            apart = {}
             fit = with_tolerances(state.problem, state.whiten, fit, parts)
         fit = in_one_turn(doubted(fit, doubts))
-        return replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found)), fit, doubts
+        held = replace(kept, found=tuple(replace(item, row=fit.rows[item.key]) for item in kept.found))
+        return held, fit, doubts, apart
 
     def _found_so_far(self, what: str) -> None:
         self.tell(f"found {what}, looking on")
@@ -488,4 +495,3 @@ class _Diagnosing:
         except RefusedError as error:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
-
