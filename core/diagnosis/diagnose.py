@@ -18,6 +18,7 @@ from ..simulation.backends import backend_named, backend_names
 from .alike import Alike, alike
 from .between_rows import between_rows, hides
 from .beyond import SPRINGS
+from .bodies import plainer_loads
 from .demonstration import shown
 from .diagnosis import Diagnosis, LeftOutSamples, NextExperiment
 from .doubts import Doubts, doubted, doubts_of, untold
@@ -45,12 +46,12 @@ from .state import Search, prune
 from .suspect import Suspect
 from .told_apart import told_apart
 from .tolerated import with_tolerances
-from .tried import ALIKE_SHARE
+from .tried import ALIKE, ALIKE_SHARE
 from .two_ways import Apart, reaching, ways_apart
 from .unconfirmed import UNDERSTOOD, Unconfirmed, leaves_most, nowhere_else, unconfirmed
 from .unfitted import with_geometry, with_moments
 from .unresolved import resolved
-from .unseen import in_parts, splits
+from .unseen import fall_short, in_parts, splits
 from .verdict import Asked, concluded
 from .warming import with_warming
 
@@ -392,6 +393,7 @@ class _Diagnosing:
         names, better = told_apart(judge, held.found, names)
         # what looks like the better name may be better still, with numbers that were not asked of it before
         for _ in range(MOST_RENAMED):
+            better = better or _plainer(state, judge, held.found, fit)
             if better is None or (again := judge.held(better)).open >= held.open + ALIKE_SHARE:
                 break
             held = replace(again, no_law=held.no_law, rings=held.rings)
@@ -495,3 +497,14 @@ class _Diagnosing:
         except RefusedError as error:
             return f"It could not be tried in simulation: {error}"
         return " ".join(one.words for one in outcome)
+
+
+def _plainer(state: Search, judge: Judge, found: Sequence[Found], fit: Refined | None) -> tuple[Found, ...] | None:
+    """Findings with the plainest load that holds as well on runs that no fit saw; None where none is plainer."""
+    if fit is None:
+        return None
+    for plainer in plainer_loads(state.problem, state.whiten, found, fit, blocks(state.problem.evidence)):
+        ours, its = fall_short(judge.whole, judge.whiten, [found, plainer], judge.ways)
+        if its.nats - ours.nats < ALIKE:
+            return tuple(plainer)
+    return None

@@ -11,7 +11,7 @@ from mbexport.core.build import build
 from mbexport.core.control import Control
 from mbexport.core.database import load
 from mbexport.core.database.bodies import fault_of
-from mbexport.core.diagnosis import bodies
+from mbexport.core.diagnosis import bodies, diagnose
 from mbexport.core.diagnosis import search as search_module
 from mbexport.core.diagnosis.alike import Alike, alike
 from mbexport.core.diagnosis.contender import Contender
@@ -58,6 +58,43 @@ def test_an_extra_mass_at_a_point_is_a_body():
     # Steiner, by hand
     assert about_origin["Ixx"] == pytest.approx(0.4 * (y * y + z * z))
     assert about_origin["Ixy"] == pytest.approx(-0.4 * x * y)
+
+
+@pytest.mark.parametrize(("thick", "plain"), [(0.0, True), (0.05, False)])
+def test_a_load_whose_moments_say_nothing_is_a_point(monkeypatch, thick, plain):
+    mass, out = 0.4, 0.42
+    monkeypatch.setattr("tests.diagnosis.pendulums.INERTIA", INERTIA + mass * out**2 + thick)
+    asked = question(lambda t, q, dq: mass * 9.81 * out * math.sin(q))
+    whiten, parts = whitening(asked), blocks(asked.evidence)
+    row = EffectRow(0, dict(defaults("payload")) | {"mass": mass, "x": out - 0.5, "Izz": 0.05})
+    found = [Found("payload", 0, row, 50.0)]
+    fit = refined(asked, whiten, found, parts)
+    options = list(bodies.plainer_loads(asked, whiten, found, fit, parts))
+    assert [one[0].row.values["Izz"] for one in options] == ([0.0] if plain else [])
+    if plain:
+        assert options[0][0].row.values["mass"] == pytest.approx(mass, rel=0.02)
+    # what the database knows of it is none of what is found
+    known = replace(asked, known={"payload": (fit.rows["payload", 0],)})
+    assert list(bodies.plainer_loads(known, whiten, found, fit, parts)) == []
+    other = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.1}), 50.0)
+    assert list(bodies.plainer_loads(asked, whiten, [other], refined(asked, whiten, [other], parts), parts)) == []
+
+
+@pytest.mark.parametrize(("short", "kept"), [((3.0, 9.0), 1), ((9.0, 9.0), None), ((3.0, 3.0), 0)])
+def test_the_plainest_load_that_holds_on_unseen_runs_is_told(monkeypatch, short, kept):
+    """A point before a body without products; all of its moments where neither holds."""
+    full = [Found("payload", 0, EffectRow(0, {"mass": 0.1}), 50.0)]
+    plainer = [[Found("payload", 0, EffectRow(0, {"mass": mass}), 50.0)] for mass in (0.2, 0.3)]
+    nats = {id(full): 0.0, id(plainer[0]): short[1], id(plainer[1]): short[0]}
+    monkeypatch.setattr(diagnose, "plainer_loads", lambda *_: iter(plainer))
+    monkeypatch.setattr(
+        diagnose, "fall_short", lambda _, __, options, ___: [SimpleNamespace(nats=nats[id(one)]) for one in options]
+    )
+    asked = question()
+    state, judge = (SimpleNamespace(problem=asked, whiten=None, whole=asked, ways=()) for _ in range(2))
+    told = diagnose._plainer(state, judge, full, object())
+    assert told == (None if kept is None else tuple(plainer[kept]))
+    assert diagnose._plainer(state, judge, full, None) is None
 
 
 def added(mass, x, **more):
