@@ -49,6 +49,10 @@ UNHELD = (
     "The gap stands in runs that were fitted: {names} would explain it there, but the held-out runs do not excite it, "
     "so that nothing confirms it. Hold out a run that does."
 )
+UNJUDGED = (
+    "The gap stands in runs that were fitted, and the held-out ones show no more than noise of it: nothing that "
+    "explains it could be confirmed there. Hold out a run that moves like the one that shows most of it."
+)
 CONTRADICTED = (
     "With these effects simulation leaves no more than noise of the gap, but along the measured motion {part} of it is "
     "left: the controller holds against what they do not say, and they may stand for another cause."
@@ -139,6 +143,8 @@ def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) ->
         notes.append(UNSEEN if verdict == "unexplained" else LEFT_UNSEEN)
     elif verdict == "unexplained" and not gap:
         notes.append(UNHELD.format(names=named_as(unjudged)))
+    elif verdict == "unexplained" and held.how_far.shrinks_by is None and _shown_by_fitted(asked, judge):
+        notes.append(UNJUDGED)
     if against:
         notes.append(CONTRADICTED.format(part=percent(against.share)))
     if form and held.unseen.numbers_beyond[form.place] and form.said in NEAREST and held.by <= HELPS:
@@ -159,8 +165,9 @@ def _gap_shown(asked: Asked, judge: Judge, held: Held) -> tuple[bool, list[str]]
         notes.append(ALL_STAND)
     elif not (held.found or asked.gap.is_noise or seen_too or judge.by_bands):
         notes.append(NO_PHYSICS)
-    # what no run that judges shows clearly is nothing to explain
-    gap = not asked.gap.is_noise and seen_too and held.how_far.shrinks_by is not None
+    # what neither a run that judges nor those that were fitted show clearly is nothing to explain
+    shown = held.how_far.shrinks_by is not None or _shown_by_fitted(asked, judge)
+    gap = not asked.gap.is_noise and seen_too and shown
     if judge.by_bands and compared:
         # nor is a mean square of all frequencies a judge of what a band shows
         gap = gap or shows_in_band(*along, PLAIN_IN_BAND if all(map(_torques_stated, judge.runs)) else PLAIN)
@@ -168,6 +175,11 @@ def _gap_shown(asked: Asked, judge: Judge, held: Held) -> tuple[bool, list[str]]
     if drowned:
         notes.append(PLAIN_ALONG)
     return asked.numerical != "all" and (gap or drowned), notes
+
+
+def _shown_by_fitted(asked: Asked, judge: Judge) -> bool:
+    """Whether runs that were fitted show a gap, whatever the held-out ones show."""
+    return asked.held_out and not asked.quiet and not judge.by_bands
 
 
 def verdict_of(held: Held, gap: bool, form: Bent | None, against: Along | None) -> Verdict:

@@ -761,6 +761,16 @@ def test_what_simulation_alone_speaks_against_makes_room_for_what_else_explains_
     assert held.failed == {("encoder_offset", "joint_1")}
 
 
+@pytest.mark.parametrize(("size", "verdict"), [(0.0, "no_gap"), (0.02, "unexplained")])
+def test_a_gap_that_stands_in_fitted_runs_alone_is_one(size, verdict):
+    """A bearing that rubs at times, and not in the run that was held out."""
+    fitted = pendulum_run("pd", lambda t, q, dq: size * math.tanh(1e3 * dq) * (t < 1.2), seed=1, duration=3.0)
+    held_out = pendulum_run("pd", seed=2, duration=3.0)
+    answer = mbexport.diagnose(load("pendulum"), [fitted], [held_out], level="rigid", backends=["mjcf"])
+    assert (answer.verdict, answer.which) == (verdict, ())
+    assert any("stands in runs that were fitted" in note for note in answer.notes) is (size > 0.0)
+
+
 @pytest.mark.parametrize(("size", "verdict"), [(0.0, "no_gap"), (0.5, "unexplained")])
 def test_a_gap_that_drowns_in_a_controllers_noise_is_one_where_the_measured_motion_shows_it(monkeypatch, size, verdict):
     """A simulation was no worse than its noise floor, and what the motion left was ten times its noise."""
