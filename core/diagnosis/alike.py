@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..effects import EffectRow
 from .beyond import SPRINGS, STIFFENING
-from .contender import Contender
+from .contender import NUMBER, Contender
 from .fit import blocks, gained, spread, takes_the_same
 from .found import Found, never_slipping, rows_of, without_bodies
 from .hypotheses import possible, twins_of
@@ -130,8 +130,8 @@ def alike(before: Search, found: Sequence[Found], fit: Refined, item: Found) -> 
         if named is None or other is None:
             continue
         more = len(other.numbers_of(named.key)) - len(fit.numbers_of(item.key))
-        # two nats a number, as in the search
-        worse = gained(other.left, fit.left, sigma, parts) + 2.0 * more
+        # a number costs what it does in the search
+        worse = gained(other.left, fit.left, sigma, parts) + NUMBER * more
         leaves = (float(other.left @ other.left) - whole) / energy
         if one_body(problem, named.key, item.key):
             out.append(Alike(named, worse, leaves, one_body=True))

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from ..effects import EffectRow
+from .contender import NUMBER
 from .fit import Part, gained, spread
 from .found import Found, at_points, embodied, hung, never_slipping, without_bodies
 from .hypothesis import TENSOR
@@ -13,8 +14,8 @@ from .nuisances import Whitening
 from .problem import Problem
 from .refine import Refined, refined
 
-# log evidence that a number costs, and those of a load that is spread along other axes than its frame's
-NUMBER, PRODUCTS = 2.0, ("Ixy", "Ixz", "Iyz")
+# moments of a load that is spread along other axes than its frame's
+PRODUCTS = TENSOR[3:]
 
 
 def fitted_as_bodies(
@@ -49,6 +50,8 @@ def plainer_loads(
     for names in (TENSOR, PRODUCTS) if load else ():
         before = {name: known.values[name] if known else 0.0 for name in names}
         row = EffectRow(0, {**fit.rows["payload", 0].values, **before})
+        if row.values == fit.rows["payload", 0].values:
+            continue
         trial = [replace(item, row=row if item is load else fit.rows[item.key]) for item in found]
         other = refined(problem, whiten, trial, parts)
         fewer = len(fit.free) - len(other.free)

@@ -25,6 +25,8 @@ THRESHOLD = 10.0
 LEAST_SHARE = 0.02
 # every number more must explain this part more
 DEARER = 0.1
+# log evidence that a number costs
+NUMBER = 2.0
 # part of one channel's that is no crumb either: the loudest channel must not drown what another is about
 MUCH = 0.3
 # part of what is left that is most of it
@@ -164,7 +166,7 @@ def _hiding(left: Vector, options: Sequence[tuple[int, Vector]], parts: Sequence
         options: Of each hypothesis how many numbers it has, and what it leaves.
         parts: Bands of it.
     """
-    priced = [(unexpected(rest, parts) + 2.0 * numbers, rest) for numbers, rest in options]
+    priced = [(unexpected(rest, parts) + NUMBER * numbers, rest) for numbers, rest in options]
     least, rest = min(priced, key=lambda one: one[0])
     most = energy_of(left) - energy_of(rest) >= MOST * _above(left)
     return rest if most and unexpected(left, parts) - least >= THRESHOLD else None

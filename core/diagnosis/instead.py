@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from .bodies import fitted_as_bodies
-from .contender import THRESHOLD, found_of
+from .contender import NUMBER, THRESHOLD, found_of
 from .fit import Part, energy_of, gained, spread, takes_the_same
 from .found import beside_or_more, never_slipping, rows_of, stuck_joints, without_bodies
 from .hypotheses import names_of_one, twins_of
@@ -56,7 +56,7 @@ def condense(state: Search, parts: Sequence[Part]) -> None:
         numbers = state.slope.shape[1] - other.slope.shape[1]
         # with more numbers than all of them another must say more than they do, not the same
         another = numbers < 0 and there is None
-        if fewer > 0 and worse < (0.0 if another else fewer * THRESHOLD) + 2.0 * numbers:
+        if fewer > 0 and worse < (0.0 if another else fewer * THRESHOLD) + NUMBER * numbers:
             again = refined(state.problem, state.whiten, other.found, parts)
             prune(state, other.found, again, parts)
 
@@ -106,7 +106,7 @@ def swapped(state: Search, parts: Sequence[Part]) -> bool:
             second = len(other.found) - len(state.found)
             # another one with more numbers than those that it replaces must say more than they do, not the same
             another = more > 0 and contender.hypothesis.key not in {one.key for one in others}
-            dearer = THRESHOLD * (max(second, 0) if another else second) + 2.0 * more
+            dearer = THRESHOLD * (max(second, 0) if another else second) + NUMBER * more
             plainer = more < 0 and second <= 0
             # what takes something else away, of a channel that nothing explains, is no other name
             alike = takes_the_same(beside.left, fit.left, other.left, sigma)

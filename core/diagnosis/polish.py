@@ -29,7 +29,7 @@ from .compared import compared, mode_of, residuals
 from .model import Rows, merged, robot_of, tables
 from .noise import noise_floor, tolerance_changes, tolerance_times
 from .problem import Problem
-from .refine import MOST_TICKS, Refined, bounds_of, tick_of
+from .refine import MOST_TICKS, Refined, at_least, bounds_of, tick_of
 from .resample import linear
 from .resimulate import each_simulated, resimulated, resimulated_once, steps_of
 
@@ -216,7 +216,7 @@ def polished(
     # where impacts are is sudden: two ways to a width are as far apart as either may be from the truth
     scatter = np.maximum(scatter, np.where(_plays(fit), np.square(x - along_motion), 0.0))
     rows = problem.rounded_out(rows_at(fit, x))
-    return replace(fit, rows=rows, covariance=_widened(fit.covariance, scatter))
+    return replace(fit, rows=rows, covariance=at_least(fit.covariance, scatter))
 
 
 def closing(
@@ -489,10 +489,3 @@ def _scatter(
     inverse = np.linalg.inv(normal)
     few = float(stats.t.ppf(0.975, max(1, len(pulls) - 1)) / stats.norm.ppf(0.975))
     return few**2 * np.diagonal(inverse @ spread @ inverse)
-
-
-def _widened(covariance: Vector, variance: Vector) -> Vector:
-    """A covariance whose variances are at least these."""
-    own = np.maximum(np.diagonal(covariance), 1e-300)
-    more = np.sqrt(np.maximum(variance / own, 1.0))
-    return covariance * np.outer(more, more)

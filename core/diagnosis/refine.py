@@ -149,6 +149,13 @@ def covariance_of(information: Vector) -> Vector:
     return np.asarray((axes / np.maximum(known, least)) @ axes.T / np.outer(size, size), dtype=np.float64)
 
 
+def at_least(covariance: Vector, variance: Vector) -> Vector:
+    """A covariance (k, k) whose variances are at least these (k,); what goes together goes on to."""
+    own = np.maximum(np.diagonal(covariance), 1e-300)
+    more = np.sqrt(np.maximum(variance / own, 1.0))
+    return covariance * np.outer(more, more)
+
+
 def taken_up(fit: Refined, change: Vector, sigma: Vector) -> Vector:
     """How far a fit's numbers go to say what else changes what is left, by least squares along the runs, shape (k, c).
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..effects import EffectRow
 from ..errors import MbexportError
 from ..parallel import side_by_side
-from .contender import LOUD, THRESHOLD, Contender, Fitting, found_of, ranked, signature_of
+from .contender import LOUD, NUMBER, THRESHOLD, Contender, Fitting, found_of, ranked, signature_of
 from .fit import Part, blocks, energy_of, gained, spread
 from .found import Found, gives_alone, numbers_in, rows_of
 from .hypotheses import hypotheses
@@ -243,7 +243,7 @@ def prune(
 
 def _loss(state: Search, item: Found, fit: Refined, parts: Sequence[Part]) -> float:
     """Log evidence that is lost without a finding, its price taken off: by its covariance, or tried."""
-    price = 2.0 * len(fit.numbers_of(item.key))
+    price = NUMBER * len(fit.numbers_of(item.key))
     if item.absent is not None:
         return removal(fit, item.key, item.absent).loss - price
     if item.gain >= BEYOND_DOUBT:

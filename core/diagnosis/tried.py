@@ -10,7 +10,7 @@ import numpy as np
 
 from ..parallel import side_by_side
 from .beyond import how_many, number_of
-from .contender import DEARER, THRESHOLD, Contender, found_of
+from .contender import DEARER, NUMBER, THRESHOLD, Contender, found_of
 from .fit import Part, energy_of, gained, spread
 from .found import Found, rows_of
 from .other_laws import beyond_catalogue
@@ -63,7 +63,7 @@ def best_tried(
     sigma = spread(least, parts)
     scored = [
         (
-            gained(state.left, fit.left, sigma, parts) - 2.0 * (contender.numbers + _numbers_beyond(fit, item)),
+            gained(state.left, fit.left, sigma, parts) - NUMBER * (contender.numbers + _numbers_beyond(fit, item)),
             contender,
             item,
             fit,
@@ -116,7 +116,7 @@ def _by_own_noise(state: Search, tried: Sequence[tuple[float, Found, Refined]], 
         own = refined(problem, whiten, trial, parts)
         sigma = spread(own.left, parts)
         likely = float(np.sum(np.log(problem.evidence.weights / sigma)) + np.sum(np.log(whiten.shrink)))
-        likely -= 0.5 * energy_of(own.left / sigma) + 2.0 * len(own.numbers_of(item.key))
+        likely -= 0.5 * energy_of(own.left / sigma) + NUMBER * len(own.numbers_of(item.key))
         scored.append((likely, gain, item, fit))
     best = max(likely for likely, *_ in scored)
     _, gain, item, fit = min(

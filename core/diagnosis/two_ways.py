@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from .polish import DAMPING
-from .refine import Refined
+from .refine import Refined, at_least
 
 Apart = Mapping[tuple[str, int, str], float]
 
@@ -33,7 +33,5 @@ def ways_apart(along: Refined, simulated: Refined) -> dict[tuple[str, int, str],
 
 def reaching(fit: Refined, apart: Apart) -> Refined:
     """A fit each of whose numbers has at least these standard deviations [SI]."""
-    own = np.sqrt(np.maximum(np.diagonal(fit.covariance), np.finfo(float).tiny))
     least = np.array([apart.get(key, 0.0) for key in fit.free])
-    more = np.maximum(least / own, 1.0)
-    return replace(fit, covariance=fit.covariance * np.outer(more, more))
+    return replace(fit, covariance=at_least(fit.covariance, least**2))
