@@ -74,14 +74,8 @@ def test_a_load_whose_moments_say_nothing_is_a_point(monkeypatch, thick, plain):
     if plain:
         assert options[0][0].row.values["mass"] == pytest.approx(mass, rel=0.02)
         monkeypatch.setattr(bodies, "refined", lambda *_: pytest.fail("a point needs no plainer fit"))
-        assert (
-            list(
-                bodies.plainer_loads(
-                    asked, whiten, options[0], replace(fit, rows={options[0][0].key: options[0][0].row}), parts
-                )
-            )
-            == []
-        )
+        there = replace(fit, rows={load_there.key: load_there.row for load_there in options[0]})
+        assert list(bodies.plainer_loads(asked, whiten, options[0], there, parts)) == []
         monkeypatch.undo()
     # what the database knows of it is none of what is found
     known = replace(asked, known={"payload": (fit.rows["payload", 0],)})
