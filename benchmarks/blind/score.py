@@ -1,13 +1,13 @@
 """Open truth and diagnoses of a bank, and write what was right: counts with Wilson 95 % intervals, as one table.
 
-    python benchmarks/blind/score.py BANK/tune OUT [OUT...] [--quick]
+    python benchmarks/blind/score.py BANK/tune OUT [OUT...] [--quick [--shrinkage]]
 
 Each OUT is as diagnose.py or head_to_head.py wrote it, and is a column of the table. Adds to the first OUT: score.md
 with the figures and how reliable its probabilities are, score.json with the same and every finding beside its
 probability, and cases.md with a line a case. What can be told apart is apart.py's to say, and looked up beside the
-truth; --quick leaves out what is not there yet, and the true shrinkage. One effect named in the place of another is
-simulated by the generator's engine, with the numbers it was given: where it leaves less of the gap than effects do that
-are alike, it is. A case that was tried and gave no diagnosis counts as wrong.
+truth; --quick leaves out what is not there yet, and the true shrinkage unless --shrinkage asks for it. One effect named
+in the place of another is simulated by the generator's engine, with the numbers it was given: where it leaves less of
+the gap than effects do that are alike, it is. A case that was tried and gave no diagnosis counts as wrong.
 """
 
 from __future__ import annotations
@@ -416,8 +416,8 @@ def reliability(found: list[Claim]) -> list[list[str]]:
     return rows
 
 
-def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
-    """All cases of a bank that were tried."""
+def opened(bank: Path, out: Path, *, quick: bool, shrinkage: bool) -> list[Case]:
+    """All cases of a bank that were tried, what was looked up of them, and their true shrinkage if it is asked for."""
     cases = []
     for path in sorted((bank / "sealed").glob("*.json")):
         record, report = out / path.name, out / path.stem / "diagnosis.json"
@@ -427,7 +427,7 @@ def opened(bank: Path, out: Path, *, quick: bool) -> list[Case]:
         said = json.loads(report.read_text()) if report.is_file() else NAMELESS
         apart = looked_up(bank, path.stem, truth, quick=quick)
         shrinks = None
-        if not quick and said.get("how_far") and truth["case"]["class"] not in ("nothing", "numerical"):
+        if shrinkage and said.get("how_far") and truth["case"]["class"] not in ("nothing", "numerical"):
             from shrinkage import true_shrinkage
 
             shrinks = true_shrinkage(truth, said["which"])
@@ -491,10 +491,11 @@ def main() -> None:
     parser.add_argument("bank", type=Path)
     parser.add_argument("out", type=Path, nargs="+")
     parser.add_argument("--quick", action="store_true", help="nothing that has to be simulated first")
+    parser.add_argument("--shrinkage", action="store_true", help="with --quick: the true shrinkage nevertheless")
     options = parser.parse_args()
     columns = []
     for out in options.out:
-        cases = opened(options.bank, out, quick=options.quick)
+        cases = opened(options.bank, out, quick=options.quick, shrinkage=options.shrinkage or not options.quick)
         columns.append((out.name, cases, figures(cases)))
     rows = []
     for figure in columns[0][2]:
