@@ -224,9 +224,8 @@ def prepared(run: Run, band: float | None = None, disturbed: Mapping[str, Vector
     imposed = follows(run)
     width = band if band is not None else min(HIGHEST_BAND, 0.2 * run.rate) if imposed else band_of(run)
     fine = np.arange(int(np.floor(run.t[-1] * run.rate + 1e-6)) + 1) / run.rate
-    every = max(1, round(run.rate / HIGHEST_RATE), int(run.rate / max(SAMPLES * width, LOWEST_RATE)))
-    if run.locked:
-        every = max(1, round(run.rate / HIGHEST_RATE))
+    slowest = HIGHEST_RATE if run.locked else max(SAMPLES * width, LOWEST_RATE)
+    every = max(1, round(run.rate / HIGHEST_RATE), int(run.rate / slowest))
     t = fine[::every]
     sos = _smoothing(width, run.rate)
     signals = dict(run.signals)

@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from scipy.signal import lfilter
 from scipy.stats import chi2, norm
 
+from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, Tolerance, load, with_effects
 from mbexport.core.diagnosis.compared import residuals
 from mbexport.core.diagnosis.model import robot_of
@@ -25,7 +26,7 @@ from mbexport.core.diagnosis.noise import (
 )
 from mbexport.core.diagnosis.resimulate import resimulated
 from mbexport.core.effects import EffectRow
-from mbexport.core.recording import known_together
+from mbexport.core.recording import Run, known_together
 
 DATABASE = load("pendulum")
 
@@ -166,6 +167,25 @@ def test_a_loop_shakes_an_arm_though_its_speed_is_not_recorded_nor_its_torques_n
     shaken = float(np.std(run.signals["q"] - quiet.signals["q"]))
     floor = noise_floor(DATABASE, "rigid", seen).sensor["q_link"][0]
     assert floor == pytest.approx(shaken, rel=0.3)
+
+
+@pytest.mark.parametrize("hears", [True, False])
+def test_one_joint_tells_of_a_loop_what_a_loud_torque_sensor_hides_at_the_other(hears):
+    database, control = load("planar2r"), Control("pd", (900.0, 250.0), (40.0, 12.0))
+    random, t = np.random.default_rng(5), np.arange(4001) / 1000.0
+    asked = 0.3 * np.sin(np.outer(t, [1.0, 1.3]))
+    off = 1.0e-4 * random.normal(size=asked.shape)
+
+    def floor(own):
+        scatter = own * random.normal(size=asked.shape) - hears * np.array(control.kp) * off
+        signals = {"q": asked + off, "q_cmd": asked, "q_link": asked, "tau": scatter}
+        noise = {"q": np.full(2, 1.0e-4), "q_link": np.full(2, 1.0e-6), "tau": np.array(own)}
+        run = Run("stirs", t, signals, control, noise, (), {}, "", (), 1000.0)
+        return noise_floor(database, "rigid", run).sensor["q_link"]
+
+    told, hidden = floor([0.01, 0.002]), floor([0.01, 0.1])
+    assert hidden == pytest.approx(told, rel=0.1)
+    assert np.all(told > 2.0e-6) if hears else told == pytest.approx(1.0e-6, rel=0.2)
 
 
 def test_noise_is_no_gap_and_a_faint_rub_is_one():
