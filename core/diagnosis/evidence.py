@@ -68,9 +68,9 @@ class Asked:
 
     form: Vector
 
-    def noise(self, kp: float, kd: float) -> float:
-        """Power of the noise of "u" with so many times the gains, in units of it."""
-        factors = np.array([kp, kd, 1.0])
+    def noise(self, kp: float, kd: float, rest: float = 1.0) -> float:
+        """Power of the noise of "u" with so many times the gains, and so many times all else, in units of it."""
+        factors = np.array([kp, kd, rest])
         return float(factors @ self.form @ factors)
 
 

@@ -228,8 +228,8 @@ def _add_loop(robot: Robot, run: Run, sigma: dict[str, Vector]) -> None:
     # of what motors give, their rotors keep a part from the arms
     borne = np.einsum("kij,pkj->pki", arms @ np.linalg.inv(mass), asked)
     reported, passed = (np.std(values[:, half], axis=(0, 1)) for values in (asked, borne))
-    # nothing shakes the robot more than the torque's own scatter tells; but a controller hears all its sensors, or none,
-    # and of a joint whose own torque sensor hides that the others tell
+    # nothing shakes the robot more than the torque's own scatter tells; but a controller hears all its sensors, or
+    # none, and of a joint whose own torque sensor hides that the others tell
     true = np.minimum(1.0, excess / np.maximum(reported, 1e-300))
     told_by = reported / np.maximum(noise_in(run, "tau").sigma, 1e-300) if run.has("tau") else np.ones(run.n)
     true = np.maximum(true, np.linalg.norm(true * told_by) / max(float(np.linalg.norm(told_by)), 1e-300))

@@ -14,6 +14,7 @@ from ..database import Database
 from ..database.bodies import TRIANGLE_SLACK, fault_of, shortage_of
 from ..effects import EffectRow
 from ..errors import MbexportError
+from ..kinematics import dynamics
 from ..recording import Run
 from ..representation import Inertia, Robot
 from .beyond import beyond_of, with_harmonics
@@ -24,6 +25,8 @@ from .model import Rows, level_rows, merged, tables
 Vector = NDArray[np.float64]
 # what weighs on every joint before it
 BODIES = ("link_inertia", "payload")
+# and what motors move
+WEIGH = (*BODIES, "rotor_inertia")
 # what a robot leaves that cannot be, in units of noise
 FAR = 1.0e3
 # and what one may leave that swings itself to pieces: squares of more than that are no numbers any longer
@@ -100,6 +103,22 @@ class Problem:
         except MbexportError:
             return self
         return self if evidence is self.evidence else replace(self, evidence=evidence)
+
+    def lighter(self, rows: Rows) -> Vector:
+        """What part of its inertia each joint keeps with these rows, at most all of it, shape (n,)."""
+        if not any(effect in rows for effect in WEIGH):
+            return np.ones(self.database.n)
+        try:
+            borne = [self._borne(some) for some in (rows, {})]
+        except MbexportError:
+            return np.ones(self.database.n)
+        return np.clip(borne[0] / np.maximum(borne[1], 1e-300), 0.0, 1.0)
+
+    def _borne(self, rows: Rows) -> Vector:
+        """Inertia that each joint's motor moves with these rows, in the middle of the first run, shape (n,)."""
+        robot, q = self.robots(rows)[0], self.evidence.runs[0].q
+        arms = dynamics(robot, always_compiled=True).mass_matrix(q[len(q) // 2][None, :])[0]
+        return np.diagonal(arms) + [0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages]
 
     def farthest(self, column: str) -> float:
         """How far one of an arm's five numbers may be off [rad or m]."""

@@ -381,9 +381,9 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
     """What is left with these rows, whitened, in units of noise, shape (N,).
 
     What the motion takes and the controller did not ask for is smaller, whatever its cause, for a controller that is
-    said to ask for less, and so may be what it makes of its sensors' noise. There both count by what that controller
-    makes of them, or one that does next to nothing would explain everything; a louder one's noise does not, for then
-    one that asks wildly would.
+    said to ask for less, and so may be what it makes of its sensors' noise, and what a lighter arm makes of that of
+    accelerations. There both count by what that robot makes of them, or one that does next to nothing would explain
+    everything; a louder one's noise does not, for then one that asks wildly would.
     """
     left = whiten(problem.misfit(rows))
     weaker = {
@@ -391,6 +391,7 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
         for row in rows.get("controller_gain", ())
         if row.values["kp"] * row.values["kd"] < 1.0
     }
+    lighter = problem.lighter(rows) if weaker else ()
     for channel in problem.evidence.channels:
         gains = weaker.get(channel.index + 1) if channel.signal == "u" else None
         asked = problem.evidence.asks[channel.run].get(channel.index)
@@ -398,8 +399,10 @@ def left_with(problem: Problem, whiten: Whitening, rows: Rows) -> Vector:
             here = left[channel.first : channel.last]
             square = float(np.mean(here**2))
             # one that asks for nothing, as a gain that was moved may, counts as one that asks for next to nothing
-            noise = min(max(asked.noise(*gains), LEAST_GAIN), 1.0)
-            part = max(gains[0] * gains[1], LEAST_GAIN)
+            kept = float(lighter[channel.index])
+            noise = min(max(asked.noise(*gains, kept), LEAST_GAIN), 1.0)
+            # and a lighter arm takes less by itself
+            part = min(max(gains[0] * gains[1] / max(kept, 1.0 / MOST_TIMES) ** 2, LEAST_GAIN), 1.0)
             counts = 1.0 + (square / noise - 1.0) / part if square > noise else square / noise
             here *= math.sqrt(counts / max(square, 1e-300))
     return left

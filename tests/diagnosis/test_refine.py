@@ -233,3 +233,18 @@ def test_an_arm_that_is_all_but_a_body_gets_what_its_moments_lack(first, a_body)
     # a body stays as it is
     sound = {key: EffectRow(1, moved | {"mz": 0.0, "Ixx": 0.001})}
     assert asked.rounded_out(sound)[key] is sound[key]
+
+
+def test_a_robot_that_is_lighter_as_its_controller_is_weaker_explains_nothing():
+    """All that positions alone show of it is smaller, and so is what it makes of noise."""
+    run = without_torque(pendulum_run(against=lambda t, q, dq: 0.3 * dq))
+    asked = problem(load("pendulum"), "rigid", [run])
+    whiten, scale, body = whitening(asked), 0.1, asked.database.inertias[0]
+    tensor = body.tensor_about_origin()
+    less = {"mass": body.mass}
+    less |= dict(zip(("mx", "my", "mz"), body.first_moments().tolist(), strict=True))
+    less |= {f"I{'xyz'[i]}{'xyz'[j]}": float(tensor[i, j]) for i in range(3) for j in range(i, 3)}
+    arm = EffectRow(1, {name: (scale - 1.0) * value for name, value in less.items()})
+    rows = {"controller_gain": (EffectRow(1, {"kp": scale, "kd": scale}),), "link_inertia": (arm,)}
+    nothing, scaled = left_with(asked, whiten, {}), left_with(asked, whiten, rows)
+    assert float(scaled @ scaled) == pytest.approx(float(nothing @ nothing), rel=0.1)
