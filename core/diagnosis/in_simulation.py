@@ -48,7 +48,9 @@ def closed_in_simulation(judge: Judge, held: Held, state: Search) -> Held:
         if as_hard_as_a_contact(judge.whole, found):
             continue
         unseen = judged(judge.whole, judge.whiten, found, judge.ways)
-        if option.effect != "delay" and (said or unseen.gains[-1] < 0.0):
+        # nor is what another form of a law at its joint would leave a second cause here
+        bends = option.at > 0 and unseen.own[-1] < MOST_LEFT
+        if option.effect != "delay" and (said or bends or unseen.gains[-1] < 0.0):
             continue
         numbers = judge.numbers(found, unseen, far=True)
         if any(vanished(number, item) for number in numbers for item in found):
