@@ -12,7 +12,7 @@ import pytest
 import mbexport
 from mbexport.core.control import Control
 from mbexport.core.database import FrozenMap, load
-from mbexport.core.diagnosis import diagnose, unconfirmed, verdict
+from mbexport.core.diagnosis import diagnose, in_simulation, unconfirmed, verdict
 from mbexport.core.diagnosis.diagnosis import HowFar, Rejected, Unexplained
 from mbexport.core.diagnosis.findings import largest_first
 from mbexport.core.diagnosis.fit import blocks
@@ -28,7 +28,7 @@ from mbexport.core.diagnosis.other_form import contradicted
 from mbexport.core.diagnosis.problem import problem
 from mbexport.core.diagnosis.refine import refined
 from mbexport.core.diagnosis.state import Search, contenders
-from mbexport.core.diagnosis.unseen import LEAD, Bent, Split, Unseen, in_parts, splits
+from mbexport.core.diagnosis.unseen import LEAD, Bent, Split, Unseen, in_parts, judged, splits
 from mbexport.core.diagnosis.verdict import outside_names, unheld, verdict_of
 from mbexport.core.diagnosis.words import NEXT_TO_NOTHING
 from mbexport.core.effects import EffectRow
@@ -542,7 +542,7 @@ def test_what_the_measured_motion_hardly_shows_is_found_in_simulation(against, d
         assert closed.unseen.gains[1] != closed.found[1].gain
 
 
-def test_a_drive_that_rings_is_found_in_simulation_where_the_measured_motion_shows_nothing():
+def test_a_drive_that_rings_is_found_in_simulation_where_the_measured_motion_shows_nothing(monkeypatch):
     """And what that motion then has left does not speak against it."""
     stiffness, damping, inertia = 1000.0, 0.1, 0.3
     rotor = EffectRow(1, FrozenMap({"inertia": inertia}))
@@ -566,6 +566,9 @@ def test_a_drive_that_rings_is_found_in_simulation_where_the_measured_motion_sho
     stiffer = replace(held, found=(replace(item, row=row),))
     assert contradicted(judge, stiffer) is None
     assert contradicted(judge, replace(stiffer, rings=False)) is not None
+    # what another form of a law at its joint says as well would be no second cause
+    monkeypatch.setattr(in_simulation, "judged", lambda *asked: replace(judged(*asked), own=(0.2,)))
+    assert closed_in_simulation(judge, judge.held([]), state).found == ()
 
 
 def test_what_closes_a_gap_with_numbers_that_may_be_anything_is_not_found(monkeypatch):
