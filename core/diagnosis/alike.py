@@ -147,7 +147,8 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
     """Drives, bearings and arms about as stiff as a spring that was found: they ring nearly as it does.
 
     Signatures of springs hold near their own stiffness only, and those were hardly tried there. One before it turns
-    more with the same stiffness than it does, and is harder where it rings as fast.
+    more with the same stiffness than it does, and is harder where it rings as fast. At its own place one may be as
+    stiff as any of its ways: of a spring that hardly gives one way, the runs know the other.
     """
     values = item.row.values
     ways = [
@@ -161,10 +162,12 @@ def _springs_instead(problem: Problem, item: Found) -> list[Found]:
     k, b = (float(np.mean([way[side] for way in ways])) for side in (0, 1))
     out: list[Found] = []
     for effect, columns in TURNING.items():
-        each = ways if effect == "joint_compliance" else [(k, b)]
-        places = ((at, (*ABOUT, *BESIDE) if at == item.at else ABOUT) for at in range(1, problem.database.n + 1))
-        about = [(at, times) for at, some in places for times in some]
-        for (stiffness, damping), (at, times) in itertools.product(each, about):
+        about: list[tuple[tuple[float, float], int, float]] = []
+        for at in range(1, problem.database.n + 1):
+            own = at == item.at
+            each = ways if own or effect == "joint_compliance" else [(k, b)]
+            about += itertools.product(dict.fromkeys(each), [at], (*ABOUT, *BESIDE) if own else ABOUT)
+        for (stiffness, damping), at, times in about:
             turns = effect != "joint_compliance" or problem.database.joints[at - 1].kind == "revolute"
             if not turns or clamped(problem, at) or not possible(problem, effect, at):
                 continue

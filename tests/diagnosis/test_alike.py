@@ -134,6 +134,9 @@ def test_a_drive_a_bearing_and_an_arm_as_stiff_as_an_arm_are_tried_in_its_place(
     tried = _springs_instead(slide, Found("link_flexibility", 1, EffectRow(1, arm), 50.0))
     assert [item.effect for item in tried] == ["joint_compliance_6d"] * count + ["link_flexibility"] * count
     assert _springs_instead(asked, Found("viscous_friction", 1, EffectRow(1, {"coefficient": 1.0}), 50.0)) == []
+    # where it hardly gives one way, a bearing may be as stiff as it is the other way
+    uneven = _springs_instead(asked, Found("link_flexibility", 1, EffectRow(1, arm | {"kv": 5.0, "bv": 0.1}), 50.0))
+    assert {900.0, 5.0} <= {item.row.values["krx"] for item in uneven if item.effect == "joint_compliance_6d"}
 
 
 def test_what_would_gain_as_much_elsewhere_is_no_other_name(monkeypatch):
