@@ -53,7 +53,7 @@ LIGHTEST = 0.9
 # part of an arm's length on the shorter side of its bend
 SHORTEST_PART = 0.05
 # numbers that a turn leaves what they are, beside phases
-_ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta", "beta")}
+ANGLES = {"base_tilt": ("roll", "pitch"), "kinematic_error": ("alpha", "theta", "beta")}
 BEARING = "joint_compliance_6d"
 PLAY = "backlash"
 # how wide play may be, as parts of what a fit came to
@@ -284,7 +284,7 @@ def in_one_turn(fit: Refined) -> Refined:
     """The fit with phases, and angles that a turn leaves what they are, from -pi to pi."""
 
     def turned(effect: str, row: EffectRow) -> EffectRow:
-        angles = {"phase", *_ANGLES.get(effect, ())} & row.values.keys()
+        angles = {"phase", *ANGLES.get(effect, ())} & row.values.keys()
         return EffectRow(
             row.at, {**row.values, **{name: math.remainder(row.values[name], math.tau) for name in angles}}
         )

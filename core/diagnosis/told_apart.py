@@ -15,7 +15,7 @@ from .contender import THRESHOLD
 from .found import Found
 from .judge import Judge
 from .problem import Problem
-from .refine import BEARING, PLAY, SHORTEST_PART
+from .refine import ANGLES, BEARING, PLAY, SHORTEST_PART
 from .tried import ALIKE, ALIKE_SHARE
 from .unseen import fall_short
 
@@ -78,7 +78,7 @@ def _called_first(
         best = next((load for load in loads if as_good(load)), best)
     if best.effect == "payload":
         best = next((one.found for one in alike if not one.one_body and _of_arm(problem, best, one.found)), best)
-    if best.effect == "kinematic_error":
+    if best.effect == "kinematic_error" and _has_angles(best):
         # of two names of an angle that is off the encoder's: its zero is set by hand, an arm is made to measure
         best = next((one.found for one in alike if one.found.effect == "encoder_offset"), best)
     if best.effect == PLAY:
@@ -94,6 +94,12 @@ def _called_first(
         # a bearing gives to all sides about as much, a drive to one
         best = next((one.found for one in alike if one.found.effect == "joint_compliance"), best)
     return best
+
+
+def _has_angles(arm: Found) -> bool:
+    """Whether an arm that is off is so by an angle, and not by its lengths alone."""
+    known = arm.absent.values if arm.absent else dict.fromkeys(arm.row.values, 0.0)
+    return any(arm.row.values[name] != known[name] for name in ANGLES[arm.effect])
 
 
 def _of_arm(problem: Problem, load: Found, other: Found) -> bool:

@@ -70,16 +70,19 @@ def test_what_gives_one_way_alone_is_a_drive_before_it_is_a_bearing(monkeypatch,
     assert [item.effect for item in better or [bearing]] == [name]
 
 
-@pytest.mark.parametrize(("nats", "name"), [(3.0, "encoder_offset"), (30.0, "kinematic_error")])
-def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch, nats, name):
-    """Where runs that no fit saw tell them apart it is what they say."""
+@pytest.mark.parametrize(
+    ("nats", "off", "name"),
+    [(3.0, "theta", "encoder_offset"), (30.0, "theta", "kinematic_error"), (3.0, "a", "kinematic_error")],
+)
+def test_an_angle_that_is_off_is_the_encoders_before_it_is_the_arms(monkeypatch, nats, off, name):
+    """Where runs that no fit saw tell them apart it is what they say; a length is the arm's."""
     asked = question()
     judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), [])
     monkeypatch.setattr(
         "mbexport.core.diagnosis.told_apart.fall_short", lambda *_: (Short(0.0, 0.0), Short(nats, 0.05))
     )
     none = dict.fromkeys(("alpha", "a", "theta", "d", "beta"), 0.0)
-    arm = Found("kinematic_error", 1, EffectRow(1, none | {"theta": 0.01}), 50.0)
+    arm = Found("kinematic_error", 1, EffectRow(1, none | {off: 0.01}), 50.0)
     encoder = Found("encoder_offset", 1, EffectRow(1, {"offset": 0.01}), 0.0)
     _, better = told_apart(judge, [arm], [(Alike(encoder, 0.0, 0.0),)])
     # by whatever name, the evidence is that of both
