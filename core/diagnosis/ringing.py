@@ -26,8 +26,8 @@ Vector = NDArray[np.float64]
 
 # part of the gap's energy that a straight spring must take alone, or stiffening ones are tried; and where no other
 # cause takes so much either, they are the first to be. And where neither straight ones nor play take as little as this,
-# nothing gives
-RINGS, HINTS = 0.3, 0.0025
+# nothing gives, unless no cause at all takes a tenth
+RINGS, HINTS, FAINT = 0.3, 0.0025, 0.1
 # part of a spring's evidence that a cause has which may be no more than how that spring stiffens
 SMALL = 0.05
 # springs to either side of the likeliest of a place that are tried again
@@ -141,7 +141,8 @@ def one_that_rings(state: Search, parts: Sequence[Part], skip: Sequence[tuple[st
     options = springs(state.problem, rows, state.scales, out)
     straight, wide = _rung(state, options), _rung(state, clearances(state.problem, rows, out, _loudest(state)))
     rung = [*straight, *wide]
-    gives, rings = _taken(state, rung) >= HINTS * loud, _taken(state, straight) >= RINGS * loud
+    gives = _taken(state, rung) >= HINTS * loud or not _much_by_one(state, FAINT)
+    rings = _taken(state, straight) >= RINGS * loud
     if gives and not (rings or state.found or _much_by_one(state)):
         # one that stiffens rings nowhere as straight ones do, but near them
         rung += _rung(state, [bent for one in options for bent in stiffening(state.problem, {}, one)])
@@ -180,9 +181,9 @@ def _taken(state: Search, rung: Sequence[tuple[Hypothesis, Vector]]) -> float:
     return energy_of(state.left) - min((energy_of(left) for _, left in rung), default=math.inf)
 
 
-def _much_by_one(state: Search) -> bool:
+def _much_by_one(state: Search, much: float = RINGS) -> bool:
     """Whether a cause alone takes a good part of the gap by its signature."""
-    return any(one.explains >= RINGS for one in state.first if one.earns and one.possible)
+    return any(one.explains >= much for one in state.first if one.earns and one.possible)
 
 
 def _by_energy(rung: Sequence[tuple[Hypothesis, Vector]]) -> list[tuple[float, Hypothesis, Vector]]:

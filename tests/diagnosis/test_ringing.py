@@ -69,10 +69,11 @@ def test_play_is_found_among_widths_that_its_signature_near_none_says_nothing_of
         (0.1, 0.9, 0.2, True),
         (0.1, 0.9, 0.5, False),
         (0.0, 0.01, 0.0, True),
-        (0.0, 0.0, 0.0, False),
+        (0.0, 0.0, 0.2, False),
+        (0.0, 0.0, 0.05, True),
     ],
 )
-def test_springs_that_stiffen_are_tried_where_something_gives_and_nothing_takes_much(
+def test_springs_that_stiffen_are_tried_where_something_gives_or_nothing_says_a_tenth(
     monkeypatch, takes, play, another, tried
 ):
     """But for play, which takes much of what one that stiffens leaves."""
