@@ -109,10 +109,10 @@ class Problem:
         if not any(effect in rows for effect in WEIGH):
             return np.ones(self.database.n)
         try:
-            borne = [self._borne(some) for some in (rows, {})]
+            kept = self._borne(rows) / np.maximum(self._borne({}), 1e-300)
         except MbexportError:
             return np.ones(self.database.n)
-        return np.clip(borne[0] / np.maximum(borne[1], 1e-300), 0.0, 1.0)
+        return np.clip(kept, 0.0, 1.0)
 
     def _borne(self, rows: Rows) -> Vector:
         """Inertia that each joint's motor moves with these rows, in the middle of the first run, shape (n,)."""
