@@ -73,6 +73,20 @@ class Noise:
         a, b = self.sensor[name] ** 2, self.tolerance[name] ** 2
         return (a + b) ** 2 / (a * a / self.heard[name] + b * b / self.loose[name])
 
+    def most(self, name: str, times: float, level: float) -> Vector:
+        """Mean square of a signal's channels that sensors and tolerances may make together, shape (n,).
+
+        Args:
+            name: The signal.
+            times: How many times their known power sensors may make.
+            level: How rarely tolerances make more than is counted for them: one robot's are a few numbers, drawn once.
+        """
+        chi2: Any = import_module("scipy.stats").chi2
+
+        loose = self.loose[name]
+        of_tolerance = np.maximum(np.asarray(chi2.isf(level, loose)) / loose, times)
+        return np.asarray(times * self.sensor[name] ** 2 + of_tolerance * self.tolerance[name] ** 2)
+
     def chance(self, name: str, square: Vector) -> Vector:
         """Probability that a perfect model leaves a mean square as large or larger of a signal's channels, (n,).
 

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from pendulums import pendulum_run
+from pendulums import MASS, pendulum_run
 
-from mbexport.core.database import FrozenMap, load
+from mbexport.core.database import FrozenMap, Tolerance, load
 from mbexport.core.diagnosis.blocks import DRAWS, Sums
 from mbexport.core.diagnosis.found import Found
 from mbexport.core.diagnosis.how_far import Fold, _Shrunk, how_far
@@ -109,6 +110,18 @@ def test_noise_that_is_louder_than_on_average_is_no_gap():
     wrong = Fold((found("viscous_friction", coefficient=0.05),), (run,))
     half = how_far(DATABASE, "rigid", [wrong], "mjcf")[0].as_heard
     assert half.signals["tau"] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(("times", "gone"), [(3.3, True), (8.0, False)])
+def test_what_a_tolerance_makes_of_one_robot_is_no_gap(times, gone):
+    """Few numbers are off, each once: together they make twice what is counted for them in one robot of thirty."""
+    off = 3.0e-3
+    database = replace(DATABASE, tolerance=Tolerance(com=off))
+    moment = times * off * MASS * 9.81
+    run = pendulum_run("pd", lambda t, q, dq: 0.3 * dq + moment * math.sin(q))
+    answer, _ = how_far(database, "rigid", [Fold((found("viscous_friction", coefficient=0.3),), (run,))], "mjcf")
+    assert (answer.as_heard.shrinks_by > 0.999) == gone
+    assert answer.as_heard.shrinks_by > answer.shrinks_by or not gone
 
 
 @pytest.mark.parametrize(("by", "told"), [(0.98, (0.9, 0.98)), (0.92, (0.9, 0.95))])
