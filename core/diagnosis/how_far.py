@@ -190,15 +190,13 @@ def _heard(run: Run, robot: Robot, noise: Noise, after: Simulated, unsure: Mappi
     A few seconds of coloured noise are a third louder or quieter than they are on average, and so are the tolerances of
     one robot, which would count as a gap, or hide one. What the numbers found may be off by is none of it.
     """
-    sigma, left = dict(noise.sigma), residuals(run, after, robot)
-    # of many channels one is seldom as it mostly is
-    level = LEVEL / max(1, sum(int(np.isfinite(values).any(axis=0).sum()) for values in left.values()))
-    for name, values in left.items():
+    sigma = dict(noise.sigma)
+    for name, values in residuals(run, after, robot).items():
         there = np.isfinite(values).any(axis=0)
         square = np.nansum(np.square(values), axis=0) / np.maximum(np.isfinite(values).sum(axis=0), 1)
         known = sigma[name] ** 2
-        near = (square <= noise.most(name, MOST, level)) & (square >= known / MOST)
-        may = there & near & (noise.chance(name, square) >= level)
+        near = (square <= noise.most(name, MOST, LEVEL)) & (square >= known / MOST)
+        may = there & near & (noise.chance(name, square) >= LEVEL)
         own = np.maximum(square - unsure.get(name, 0.0), LEAST * square)
         sigma[name] = np.where(may & (own > 0.0), np.sqrt(own), sigma[name])
     return replace(noise, sensor=sigma, tolerance={name: np.zeros_like(one) for name, one in sigma.items()})
