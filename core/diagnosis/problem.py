@@ -105,20 +105,19 @@ class Problem:
         return self if evidence is self.evidence else replace(self, evidence=evidence)
 
     def lighter(self, rows: Rows) -> Vector:
-        """What part of its inertia each joint keeps with these rows, at most all of it, shape (n,)."""
+        """What part of the inertia that its motor moves each joint keeps with these rows, at most all, shape (n,).
+
+        In the middle of the first run.
+        """
         if not any(effect in rows for effect in WEIGH):
             return np.ones(self.database.n)
         try:
-            kept = self._borne(rows) / np.maximum(self._borne({}), 1e-300)
+            robot = self.robots(rows)[0]
         except MbexportError:
             return np.ones(self.database.n)
-        return np.clip(kept, 0.0, 1.0)
-
-    def _borne(self, rows: Rows) -> Vector:
-        """Inertia that each joint's motor moves with these rows, in the middle of the first run, shape (n,)."""
-        robot, q = self.robots(rows)[0], self.evidence.runs[0].q
-        arms = dynamics(robot, always_compiled=True).mass_matrix(q[len(q) // 2][None, :])[0]
-        return np.diagonal(arms) + [0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages]
+        q, nominal = self.evidence.runs[0].q, self.evidence.nominals[0]
+        own, plain = (_moved_by_motors(one, q[len(q) // 2]) for one in (robot, nominal))
+        return np.clip(own / np.maximum(plain, 1e-300), 0.0, 1.0)
 
     def farthest(self, column: str) -> float:
         """How far one of an arm's five numbers may be off [rad or m]."""
@@ -207,3 +206,9 @@ def _loaded(database: Database, payload: Mapping[str, float]) -> Database:
         *(payload[name] for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")),
     )
     return replace(database, inertias=(*database.inertias[:-1], database.inertias[-1] + body))
+
+
+def _moved_by_motors(robot: Robot, q: Vector) -> Vector:
+    """Inertia of the arms behind each joint and of its rotor, at motor positions q (n,), shape (n,)."""
+    arms = dynamics(robot, always_compiled=True).mass_matrix(q[None, :])[0]
+    return np.diagonal(arms) + [0.0 if stage.drive.dummy else stage.drive.inertia for stage in robot.stages]
