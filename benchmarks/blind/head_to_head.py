@@ -207,13 +207,17 @@ def main() -> None:
     parser.add_argument("--limit", type=int, help="only the first so many cases of those that were diagnosed")
     parser.add_argument("--quick", action="store_true", help="nothing that has to be simulated first (see score.py)")
     options = parser.parse_args()
+    if not rival_sysid.is_there():
+        parser.error("mujoco.sysid needs more than MuJoCo: pip install 'mbexport[benchmarks]'")
     tried = [path for path in sorted((options.bank / "cases").iterdir()) if not path.name.startswith(".")]
     tried = [path for path in tried if (options.diagnosed / f"{path.name}.json").is_file()][: options.limit]
     with ProcessPoolExecutor(options.workers) as pool:
         for line in pool.map(fit, tried, [options.out] * len(tried)):
             print(line, flush=True)
     places = {"mbexport": options.diagnosed, **{name: options.out / name for name in RIVALS}}
-    answers = {name: opened(options.bank, place, quick=options.quick) for name, place in places.items()}
+    answers = {
+        name: opened(options.bank, place, quick=options.quick, shrinkage=False) for name, place in places.items()
+    }
     common = set.intersection(*({case.name for case in cases} for cases in answers.values()))
     columns = {name: table([case for case in cases if case.name in common]) for name, cases in answers.items()}
     rows = [[figure.name, *(t[k].shown() for t in columns.values())] for k, figure in enumerate(columns["mbexport"])]

@@ -35,6 +35,11 @@ STANDS = 1.0e-3
 SETTLING = 50
 
 
+def is_there() -> bool:
+    """Whether what `mujoco.sysid` needs beside MuJoCo is installed: without it the module is empty."""
+    return hasattr(import_module("mujoco.sysid"), "optimize")
+
+
 def fitted(case: Given) -> tuple[Number, ...]:
     """The numbers of every joint that moves."""
     sysid: Any = import_module("mujoco.sysid")

@@ -47,7 +47,7 @@ from .noise import Noise, noise_floor
 from .nuisances import STAMPS_OF_TAU, Whitening, whitening
 from .other_laws import begun_from, straightened, with_knees
 from .polish import KnownSlopes, polished, unsure
-from .problem import Problem, problem
+from .problem import BODIES, Problem, problem
 from .refine import PLAY, Refined, refined, vanished
 from .resimulate import free_arms, resimulated, steps_of
 from .stamps import FINE, LONGEST_HELD, SHORTEST, held_said, with_held_torque
@@ -75,6 +75,21 @@ FREE = (
 )
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Turns:
+    """Fitted runs, one cut in parts, each judged by fits that did not see it.
+
+    Attributes:
+        runs: They.
+        ways: How they are set apart.
+        worth: What findings are worth there.
+    """
+
+    runs: tuple[Run, ...]
+    ways: tuple[Split, ...]
+    worth: Unseen
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,7 +217,12 @@ class Judge:
         self, found: Sequence[Found], unseen: Unseen, how_far: HowFar, gains: Sequence[float] | None = None
     ) -> Found | None:
         """The finding that does not help simulation, of those that simulation judges; gains other than the unseen's."""
-        return _least_helpful(found, gains or unseen.gains, how_far, self._kept_anyway(found, unseen, how_far))
+        kept, gains = self._kept_anyway(found, unseen, how_far), gains or unseen.gains
+        while (idle := _least_helpful(found, gains, how_far, kept)) is not None:
+            if not self._outweighed(found, gains, how_far, idle):
+                return idle
+            kept.add(idle.key)
+        return None
 
     def _kept_anyway(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.
@@ -459,17 +479,54 @@ class Judge:
         None where it does not hold there either, where much of these is not understood, of which a part proves nothing,
         or where all runs take turns already.
         """
+        turns = self._turns(found)
+        if turns is None:
+            return None
+        worth = turns.worth
+        earns = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.own[k] >= MOST_LEFT
+        return worth.gains[k] if earns and worth.open * worth.beyond < OTHER_FORM else None
+
+    def _turns(self, found: Sequence[Found]) -> _Turns | None:
+        """What findings are worth on the runs that were fitted, each left out in turn; None where all do so already."""
         if len(self.ways) > 1:
             return None
         seen = self.ways[0].seen
         whole, whiten = self.whole.only(seen), self.whiten.only(self.whole.evidence.places(seen))
+        runs = tuple(self.runs[k] for k in seen)
         if len(seen) == 1:
-            parts = [part for k in seen for part in in_parts(self.runs[k])]
-            whole = problem(self.database, self.level, parts)
+            runs = in_parts(runs[0])
+            whole = problem(self.database, self.level, runs)
             whiten = whitening(whole)
-        worth = judged(whole, whiten, found, splits(len(whole.evidence.runs), 0))
-        earns = worth.gains[k] >= EARNS and worth.shares[k] >= OTHER_FORM and worth.own[k] >= MOST_LEFT
-        return worth.gains[k] if earns and worth.open * worth.beyond < OTHER_FORM else None
+        ways = splits(len(runs), 0)
+        return _Turns(runs, ways, judged(whole, whiten, found, ways))
+
+    def _outweighed(self, found: Sequence[Found], gains: Sequence[float], answer: HowFar, item: Found) -> bool:
+        """Whether other runs say far more for a finding than the simulated held-out ones, by a little, against it.
+
+        A law of another form may be nearest to the real one where held-out runs hardly go. So one that is beyond doubt
+        along their motion stays if each fitted run, left out in turn, is simulated plainly better with it.
+        """
+        k = next(k for k, other in enumerate(found) if other is item)
+        harm = (answer.without.get(name_of(item)) or 0.0) - (answer.shrinks_by or 0.0)
+        # of a delay evidence knows nothing
+        doubted = item.effect == "delay" or gains[k] < BEYOND_DOUBT
+        if self.by_bands or doubted or harm > OTHER_FORM or (turns := self._turns(found)) is None:
+            return False
+        worth = turns.worth
+        if worth.gains[k] < NO_CHANCE or worth.open * worth.beyond >= OTHER_FORM or worth.own[k] < MOST_LEFT:
+            return False
+        folds = [
+            Fold(
+                tuple(replace(other, row=row) for other, row in zip(found, rows, strict=True)),
+                tuple(turns.runs[j] for j in way.unseen),
+            )
+            for way, rows in zip(turns.ways, worth.rows, strict=True)
+        ]
+        try:
+            there, _ = how_far(self.database, self.level, folds, self.backend)
+        except RefusedError:
+            return False
+        return (there.shrinks_by or 0.0) - (there.without.get(name_of(item)) or 0.0) >= PLAINLY
 
     def _wild(self, found: Sequence[Found], unseen: Unseen) -> Found | None:
         """The finding without which the robot can be simulated, where with all of them no engine can."""
@@ -571,10 +628,11 @@ class Judge:
 def _small(findings: Sequence[Found], dropped: Sequence[Rejected]) -> list[Found]:
     """Findings that were dropped for being small, or what another form of a law may leave of one joint.
 
-    A load or a tilt is felt at more joints than the one whose law may have another form.
+    A load, a heavier arm or a tilt is felt at more joints than the one whose law may have another form.
     """
     small = {(item.effect, item.at) for item in dropped if item.why == CRUMB}
-    small |= {(item.effect, item.at) for item in dropped if item.why == OTHER_LAW and item.at == "robot"}
+    widely = (item for item in dropped if item.at == "robot" or item.effect in BODIES)
+    small |= {(item.effect, item.at) for item in widely if item.why == OTHER_LAW}
     return [item for item in findings if (item.effect, item.place) in small]
 
 

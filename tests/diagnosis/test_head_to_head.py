@@ -86,3 +86,25 @@ def test_the_table_counts_wrong_names_and_what_was_made_worse(bank_module):
     assert lines["... made worse on held-out runs: single effect"].answers == [False, True]
     assert lines["held-out torque error in units of noise, median: single effect"].text == "2.00 -> 1.75 (2)"
     assert lines["... where every rival has a parameter for it"].answers == [True, False]
+
+
+def test_what_has_to_be_installed_is_said(bank_module, monkeypatch, tmp_path, capsys):
+    """MuJoCo alone has an empty `sysid`."""
+    module = bank_module("head_to_head")
+    monkeypatch.setattr(module.rival_sysid, "is_there", lambda: False)
+    monkeypatch.setattr("sys.argv", ["head_to_head.py", *map(str, (tmp_path, tmp_path, tmp_path))])
+    with pytest.raises(SystemExit):
+        module.main()
+    assert "mbexport[benchmarks]" in capsys.readouterr().err
+
+
+def test_a_table_is_written_of_what_is_there(bank_module, monkeypatch, tmp_path, capsys):
+    """Of a bank without cases it has no rows."""
+    module = bank_module("head_to_head")
+    monkeypatch.setattr(module.rival_sysid, "is_there", lambda: True)
+    for name in ("cases", "sealed"):
+        (tmp_path / "bank" / name).mkdir(parents=True)
+    monkeypatch.setattr("sys.argv", ["head_to_head.py", *(str(tmp_path / name) for name in ("bank", "out", "rivals"))])
+    module.main()
+    assert "0 cases with torque | mbexport | sysid | regressor" in capsys.readouterr().out
+    assert (tmp_path / "rivals" / "head_to_head.json").is_file()

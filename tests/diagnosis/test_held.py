@@ -43,6 +43,7 @@ def test_what_no_engine_can_simulate_once_another_went_goes_too(monkeypatch):
     monkeypatch.setattr(Judge, "_kept", kept)
     monkeypatch.setattr(Judge, "_goes", lambda self, found, unseen, without, engine: found != [late] or without == 0)
     monkeypatch.setattr(Judge, "numbers", lambda *_, **__: ())
+    monkeypatch.setattr(Judge, "_outweighed", lambda *_: False)
     monkeypatch.setattr(Judge, "_how_far", how_far)
     monkeypatch.setattr(
         "mbexport.core.diagnosis.judge._least_helpful", lambda found, *_: rubs if rubs in found else None
@@ -139,14 +140,15 @@ def test_what_is_small_along_the_motion_is_tried_before_simulation_speaks_agains
     ]
 
 
-def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):
-    """It is felt at more joints than that one; of a spring at the joint nobody could tell."""
+def test_a_tilt_or_a_body_may_close_the_gap_in_simulation_though_a_joints_law_may_have_another_form(monkeypatch):
+    """They are felt at more joints than that one; of a spring at the joint nobody could tell."""
     runs = [pendulum_run(seed=seed, against=lambda t, q, dq: 0.1 * dq) for seed in (1, 2)]
     asked = problem(load("pendulum"), "rigid", runs)
     judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(2, 0), runs)
     viscous = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.1}), 50.0)
     tilted = Found("base_tilt", 0, EffectRow(0, {"roll": 0.02, "pitch": 0.0}), 50.0)
     spring = Found("joint_spring", 1, EffectRow(1, {"stiffness": 0.1, "rest": -1.0}), 50.0)
+    heavier = Found("link_inertia", 1, EffectRow(1, {"mass": 0.05}), 50.0)
     tame, offered = Judge._tame, []
 
     def first_alone(self, findings):
@@ -159,8 +161,8 @@ def test_a_tilt_may_close_the_gap_in_simulation_though_a_joints_law_may_have_ano
 
     monkeypatch.setattr(Judge, "_tame", first_alone)
     monkeypatch.setattr(Judge, "_closed", closed)
-    judge.held([viscous, tilted, spring])
-    assert offered == [tilted]
+    judge.held([viscous, tilted, spring, heavier])
+    assert offered == [tilted, heavier]
 
 
 RUBS = Found("viscous_friction", 1, EffectRow(1, {"coefficient": 0.4}), 50.0)
@@ -173,6 +175,41 @@ def judge_of(count, coefficient=0.4):
     asked = problem(load("pendulum"), "rigid", runs)
     ways = splits(count + 1, 1)
     return Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), ways, runs)
+
+
+@pytest.mark.parametrize(
+    ("effect", "harm", "gain", "in_turn", "helps", "stays"),
+    [
+        ("joint_spring", 0.02, 40.0, 900.0, 0.3, True),
+        ("delay", 0.02, 40.0, 900.0, 0.3, False),
+        ("joint_spring", 0.1, 40.0, 900.0, 0.3, False),
+        ("joint_spring", 0.02, 4.0, 900.0, 0.3, False),
+        ("joint_spring", 0.02, 40.0, 20.0, 0.3, False),
+        ("joint_spring", 0.02, 40.0, 900.0, 0.1, False),
+    ],
+)
+def test_what_the_fitted_runs_say_in_turn_outweighs_a_little_harm(
+    monkeypatch, effect, harm, gain, in_turn, helps, stays
+):
+    """A straight spring in the place of one that stiffens, where the held-out run is near its rest."""
+    wave, other = Found("torque_ripple", 2, EffectRow(2, {}), 900.0), Found(effect, 3, EffectRow(3, {}), 900.0)
+
+    def far(total, less):
+        without = {name_of(wave): 0.0, name_of(other): less}
+        return HowFar({}, {}, {}, total, (total - 0.1, total + 0.1), {}, without=without)
+
+    asked, runs = question(), (SimpleNamespace(), SimpleNamespace())
+    rows = ((wave.row, other.row),) * 2
+    worth = SimpleNamespace(gains=(900.0, in_turn), own=(1.0, 1.0), rows=rows, open=0.01, beyond=1.0)
+    turns = judging._Turns(runs, splits(2, 0), worth)
+    monkeypatch.setattr(Judge, "_turns", lambda *_: turns)
+    monkeypatch.setattr(Judge, "_kept_anyway", lambda *_: set())
+    monkeypatch.setattr(judging, "how_far", lambda *_: (far(0.9, 0.9 - helps), ()))
+    monkeypatch.setattr(Judge, "by_bands", False)
+    judge = Judge(asked.database, "rigid", "mjcf", [], lambda _: None, asked, whitening(asked), splits(3, 1), [])
+    unseen = SimpleNamespace(gains=(900.0, gain))
+    idle = judge._idle((wave, other), unseen, far(0.8, 0.8 + harm))
+    assert idle is (None if stays else other)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -381,6 +418,7 @@ def test_what_simulation_gave_other_numbers_has_the_evidence_of_these(monkeypatc
     monkeypatch.setattr(Judge, "_tame", lambda self, some: (list(some), unseen, ()))
     monkeypatch.setattr(Judge, "_kept_anyway", lambda *_: set())
     monkeypatch.setattr(Judge, "numbers", lambda *_, **__: (fit,))
+    monkeypatch.setattr(Judge, "_outweighed", lambda *_: False)
     monkeypatch.setattr(
         Judge, "_how_far", lambda self, found, by, *_: (idles if by.rows == ((simulated,),) else harms, (), None)
     )
