@@ -73,6 +73,11 @@ FREE = (
     "were simulated from where their first moments have it. `mbexport simulate` begins in the middle, and is off until "
     "the motor has taken the arm along."
 )
+OUTWEIGHED = (
+    "With {names} the held-out runs are simulated no better. Along their motion it is beyond doubt, and the fitted "
+    "runs, each left out in turn, are simulated plainly better with it. Hold out a run that moves like one that is "
+    "fitted to have it confirmed."
+)
 # how often findings that simulated do harm get numbers from simulation, which takes many runs of it
 TRIES = 2
 
@@ -217,12 +222,20 @@ class Judge:
         self, found: Sequence[Found], unseen: Unseen, how_far: HowFar, gains: Sequence[float] | None = None
     ) -> Found | None:
         """The finding that does not help simulation, of those that simulation judges; gains other than the unseen's."""
+        return self._idle_or_outweighed(found, unseen, how_far, gains)[0]
+
+    def _idle_or_outweighed(
+        self, found: Sequence[Found], unseen: Unseen, how_far: HowFar, gains: Sequence[float] | None = None
+    ) -> tuple[Found | None, list[Found]]:
+        """The finding that does not help simulation, and those of which other runs say far more for it."""
         kept, gains = self._kept_anyway(found, unseen, how_far), gains or unseen.gains
+        outweighed: list[Found] = []
         while (idle := _least_helpful(found, gains, how_far, kept)) is not None:
             if not self._outweighed(found, gains, how_far, idle):
-                return idle
+                return idle, outweighed
             kept.add(idle.key)
-        return None
+            outweighed.append(idle)
+        return None, outweighed
 
     def _kept_anyway(self, found: Sequence[Found], unseen: Unseen, how_far: HowFar) -> set[tuple[str, int]]:
         """Keys of findings that simulation does not judge: others need them, or no engine has their law.
@@ -586,6 +599,12 @@ class Judge:
             if held.found and (samples := self._holds(held.found, rows, way)) >= 2.0 * SHORTEST
             for k in way.unseen
         ]
+
+    def said_of_turns(self, held: Held) -> list[str]:
+        """What to say of findings with which the held-out runs are simulated no better."""
+        _, outweighed = self._idle_or_outweighed(held.found, held.unseen, held.how_far)
+        names = listed(f"{item.effect} at {item.place}" for item in outweighed)
+        return [OUTWEIGHED.format(names=names)] if outweighed else []
 
     def said_of_play(self, held: Held) -> list[str]:
         """What to say of arms that nothing presses to a side of the play that was found."""

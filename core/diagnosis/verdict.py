@@ -150,7 +150,7 @@ def concluded(asked: Asked, judge: Judge, held: Held, found: Sequence[Found]) ->
     if form and held.unseen.numbers_beyond[form.place] and form.said in NEAREST and held.by <= HELPS:
         notes.append(_nearest_helps_not(held, form))
     outside = outside_names(held.found, [run.control for run in judge.runs])
-    notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *outside]
+    notes += [*judge.said_of_torques(held), *judge.said_of_play(held), *judge.said_of_turns(held), *outside]
     left = unexplained_of(verdict, held.after or asked.gap, held, form, against)
     return Conclusion(verdict, left, tuple(notes), unseen, held.unseen.open * form.leaves if form else left.share)
 

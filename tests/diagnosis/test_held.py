@@ -210,6 +210,9 @@ def test_what_the_fitted_runs_say_in_turn_outweighs_a_little_harm(
     unseen = SimpleNamespace(gains=(900.0, gain))
     idle = judge._idle((wave, other), unseen, far(0.8, 0.8 + harm))
     assert idle is (None if stays else other)
+    held = SimpleNamespace(found=(wave, other), unseen=unseen, how_far=far(0.8, 0.8 + harm))
+    said = judge.said_of_turns(held)
+    assert ["joint_spring at joint_3" in one for one in said] == ([True] if stays else [])
 
 
 @pytest.mark.parametrize("count", [1, 2])
