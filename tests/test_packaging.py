@@ -21,6 +21,11 @@ ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 # folders of the repository that are no part of the program
 NOT_INSTALLED = {"tests", "benchmarks", "docs", "build", "dist", "demo"}
+# what the repository's root holds
+HOUSE = {
+    ".ci", ".gitignore", "CHANGELOG.md", "LICENSE", "Makefile", "README.md", "__init__.py", "__main__.py", "backends",
+    "benchmarks", "core", "docs", "examples", "py.typed", "pyproject.toml", "templates", "tests",
+}  # fmt: skip
 GENERATED = {".pyc", ".pyo", ".nbi", ".nbc"}
 
 
@@ -50,6 +55,16 @@ def data_of_package(package: str) -> set[Path]:
     folder = ROOT.joinpath(*package.split(".")[1:])
     globs = PROJECT["tool"]["setuptools"]["package-data"].get(package, [])
     return {p.relative_to(ROOT) for glob in globs for p in folder.glob(glob) if p.is_file()}
+
+
+def test_nothing_stray_is_kept():
+    """A file that was downloaded beside the tree would be part of every clone."""
+    git = shutil.which("git")
+    listed = git and subprocess.run([git, "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if not listed or listed.returncode or not listed.stdout:
+        pytest.skip("no checkout that git reads")
+    kept = listed.stdout.splitlines()
+    assert {file.partition("/")[0] for file in kept} == HOUSE
 
 
 def test_packages_are_those_of_the_tree():
